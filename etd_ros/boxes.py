@@ -1,0 +1,63 @@
+"""Boxes (x, y, w, h): float pixels, top-left corner. One box is a `Box`, many are an (n, 4) array."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.errors import EtdError
+
+BoxArray = npt.NDArray[np.float64]
+"""Boxes as rows x, y, w, h; float64, shape (n, 4), pixels."""
+
+
+class BoxError(EtdError):
+    """A box that no object on this sensor can have."""
+
+
+class Box(NamedTuple):
+    """Axis-aligned box (pixels): top-left corner, width, height."""
+
+    x: float
+    y: float
+    w: float
+    h: float
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """(column, row) of the middle (pixels)."""
+        return self.x + self.w / 2, self.y + self.h / 2
+
+    def scaled(self, factor: float) -> Box:
+        """A box with the same centre and `factor` times the width and height."""
+        return Box(
+            self.x - (factor - 1) * self.w / 2, self.y - (factor - 1) * self.h / 2, self.w * factor, self.h * factor
+        )
+
+    def check(self, width: int, height: int, name: str = "box") -> None:
+        """Refuse a box that cannot hold an object of a width x height sensor.
+
+        Raises:
+            BoxError: not finite, no area, or not one pixel on the sensor.
+        """
+        text = f"{name} (x {self.x:g}, y {self.y:g}, w {self.w:g}, h {self.h:g})"
+        if not np.isfinite(self).all():
+            msg = f"{text} is not finite: give four numbers in pixels"
+            raise BoxError(msg)
+        if self.w <= 0 or self.h <= 0:
+            msg = f"{text} has no area: width and height must be above 0"
+            raise BoxError(msg)
+        if self.x >= width or self.y >= height or self.x + self.w <= 0 or self.y + self.h <= 0:
+            msg = f"{text} lies off the {width}x{height} sensor: give pixels from its top-left corner"
+            raise BoxError(msg)
+
+
+def iou(boxes: BoxArray, box: Box) -> npt.NDArray[np.float64]:
+    """Intersection over union of each row with `box`, shape (n,)."""
+    x, y, w, h = boxes.T
+    overlap_w = np.minimum(x + w, box.x + box.w) - np.maximum(x, box.x)
+    overlap_h = np.minimum(y + h, box.y + box.h) - np.maximum(y, box.y)
+    overlap = np.clip(overlap_w, 0, None) * np.clip(overlap_h, 0, None)
+    return np.asarray(overlap / (w * h + box.w * box.h - overlap), np.float64)

@@ -1,0 +1,100 @@
+"""Typed, described, ranged parameters: one frozen dataclass an area serves as configuration, as ROS
+parameters, as command-line settings and as the README's tables."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from etd_ros.errors import EtdError
+
+T = TypeVar("T", bound="Parameters")
+
+
+class ParameterError(EtdError):
+    """A parameter that is unknown, of the wrong type, or out of its range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a parameter means and may be. `low` and `high` are inclusive and hold for every element of a tuple."""
+
+    text: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+
+def parameter(
+    default: Any,
+    text: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+) -> Any:
+    """A dataclass field with a default (bool, int, float, str, or a tuple of floats) and a description."""
+    return dataclasses.field(default=default, metadata={"description": Description(text, low, high, tuple(choices))})
+
+
+class Parameters:
+    """Base of configuration dataclasses: checks every described field on construction."""
+
+    def __post_init__(self) -> None:
+        for name, _, description in described(type(self)):
+            _check(name, getattr(self, name), description)
+
+
+def described(config: type[Parameters]) -> Iterator[tuple[str, Any, Description]]:
+    """(name, default, description) of each parameter of a configuration class, in order."""
+    for field in dataclasses.fields(config):  # type: ignore[arg-type]
+        if "description" in field.metadata:
+            yield field.name, field.default, field.metadata["description"]
+
+
+def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
+    """A configuration from names and values, each converted to the type of its default.
+
+    Raises:
+        ParameterError: an unknown name, a value of another type, or one out of range.
+    """
+    defaults = {name: default for name, default, _ in described(config)}
+    unknown = sorted(set(values) - set(defaults))
+    if unknown:
+        msg = f"unknown parameter {unknown[0]!r}: known are {', '.join(sorted(defaults))}"
+        raise ParameterError(msg)
+    return config(**{name: _convert(name, value, defaults[name]) for name, value in values.items()})
+
+
+def _convert(name: str, value: Any, default: Any) -> Any:
+    if isinstance(default, tuple):
+        if isinstance(value, str | bytes) or not isinstance(value, Sequence) or len(value) != len(default):
+            msg = f"parameter {name} needs a list of {len(default)} numbers, not {value!r}"
+            raise ParameterError(msg)
+        return tuple(_convert(name, item, default[0]) for item in value)
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not type(default):
+        msg = f"parameter {name} needs a {type(default).__name__}, not {value!r}"
+        raise ParameterError(msg)
+    return value
+
+
+def _check(name: str, value: Any, description: Description) -> None:
+    for item in value if isinstance(value, tuple) else (value,):
+        if isinstance(item, float) and not math.isfinite(item):
+            msg = f"parameter {name} = {item} is not a finite number"
+            raise ParameterError(msg)
+        below = description.low is not None and item < description.low
+        above = description.high is not None and item > description.high
+        if below or above:
+            low = "-inf" if description.low is None else f"{description.low:g}"
+            high = "inf" if description.high is None else f"{description.high:g}"
+            msg = f"parameter {name} = {item} is out of range [{low}, {high}]"
+            raise ParameterError(msg)
+        if description.choices and item not in description.choices:
+            msg = f"parameter {name} = {item!r} is unknown: choose one of {', '.join(description.choices)}"
+            raise ParameterError(msg)
