@@ -1,0 +1,41 @@
+"""What the tracker asks of whoever finds a lost target again on the reconstructed images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.boxes import Box
+from etd_ros.errors import EtdError
+
+
+class RecoveryError(EtdError):
+    """A recovery tracker that cannot be built, or an image that does not fit it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Where a lost target was found.
+
+    Attributes:
+        box: the target's box on the searched image (pixels).
+        score: how sure the tracker is, 0 to 1.
+    """
+
+    box: Box
+    score: float
+
+
+class RecoveryTracker(Protocol):
+    """Finds one target again after its tracking failed. One instance serves one target."""
+
+    def remember(self, image: npt.NDArray[np.uint8], box: Box) -> None:
+        """The target is seen here and its tracking is right. `image` is uint8, shape (h, w), and may be reused."""
+        ...
+
+    def search(self, image: npt.NDArray[np.uint8], last_box: Box) -> Found | None:
+        """Look for the target; `last_box` is its last box. None: it was not found convincingly."""
+        ...
