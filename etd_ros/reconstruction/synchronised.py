@@ -1,0 +1,124 @@
+"""Images at stamps that become known after their events, or before them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.events import Events
+from etd_ros.reconstruction.high_pass import HighPassFilter, ReconstructionError
+
+HELD_BYTES_MAX = 64 << 20
+REQUESTS_MAX = 1 << 16
+
+
+class SynchronisedReconstruction:
+    """Events and stamps in, in any interleaving; images out, in the order of the stamps.
+
+    The image at stamp T holds the events with t < T. It is complete once an event with t >= T has been seen,
+    so an engine that knows events and stamps at once and a node that gets them on two topics yield the same images.
+    Events are held back until a stamp is known; `held_bytes_max` bounds that, the oldest events being
+    integrated early.
+
+    Attributes:
+        integrated_early: number of events integrated before a stamp was known, because the bound was reached.
+        requests_dropped: number of stamps given up because too many waited for events.
+    """
+
+    def __init__(self, high_pass: HighPassFilter, *, held_bytes_max: int = HELD_BYTES_MAX) -> None:
+        self._filter = high_pass
+        self._held_bytes_max = held_bytes_max
+        self.integrated_early = 0
+        self.requests_dropped = 0
+        self._held: deque[Events] = deque()
+        self._held_bytes = 0
+        self._requests: deque[int] = deque()
+        self._last_request_ns: int | None = None
+        self._seen_ns: int | None = None
+
+    @property
+    def held_bytes(self) -> int:
+        """Bytes of the events held back."""
+        return self._held_bytes
+
+    def push(self, events: Events) -> None:
+        """Take a batch that follows the last one in time. Its arrays are kept, not copied.
+
+        Raises:
+            ReconstructionError: the batch is of another sensor size.
+        """
+        if (events.width, events.height) != (self._filter.width, self._filter.height):
+            msg = (
+                f"events of a {events.width}x{events.height} sensor for a reconstruction of "
+                f"{self._filter.width}x{self._filter.height}: make a new one when the sensor changes"
+            )
+            raise ReconstructionError(msg)
+        if not len(events):
+            return
+        self._held.append(events)
+        self._held_bytes += _size(events)
+        self._seen_ns = int(events.t[-1])
+        # With a stamp waiting, `ready` uses the events up; they are only too many when nobody asks.
+        while not self._requests and self._held_bytes > self._held_bytes_max:
+            self.integrated_early += len(self._held[0])
+            self._integrate_first(len(self._held[0]))
+
+    def request(self, stamp_ns: int) -> None:
+        """Ask for the image at a stamp (ns).
+
+        Raises:
+            ReconstructionError: the stamp lies before the last one asked for.
+        """
+        if self._last_request_ns is not None and stamp_ns < self._last_request_ns:
+            msg = (
+                f"image stamp {stamp_ns} ns is before the last one, {self._last_request_ns} ns: reset for a new stream"
+            )
+            raise ReconstructionError(msg)
+        self._last_request_ns = stamp_ns
+        self._requests.append(stamp_ns)
+        if len(self._requests) > REQUESTS_MAX:
+            self._requests.popleft()
+            self.requests_dropped += 1
+
+    def ready(self) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
+        """The (stamp, image) pairs asked for whose events have all been seen; images are uint8, shape (h, w)."""
+        while self._requests:
+            stamp_ns = self._requests[0]
+            self._integrate_before(stamp_ns)
+            if self._seen_ns is None or self._seen_ns < stamp_ns:
+                return
+            self._requests.popleft()
+            yield stamp_ns, self._filter.image(stamp_ns)
+
+    def reset(self) -> None:
+        """Forget events, stamps and the filter's state: the next events start a new stream."""
+        self._held.clear()
+        self._held_bytes = 0
+        self._requests.clear()
+        self._last_request_ns = None
+        self._seen_ns = None
+        self._filter.reset()
+
+    def _integrate_before(self, stamp_ns: int) -> None:
+        while self._held:
+            count = int(np.searchsorted(self._held[0].t, stamp_ns))
+            whole = count == len(self._held[0])
+            self._integrate_first(count)
+            if not whole:
+                return
+
+    def _integrate_first(self, count: int) -> None:
+        """Integrate the first `count` events of the oldest batch and let go of them."""
+        batch = self._held.popleft()
+        self._filter.integrate(batch[:count])
+        rest = batch[count:]
+        self._held_bytes -= _size(batch) - _size(rest)
+        if len(rest):
+            self._held.appendleft(rest)
+
+
+def _size(events: Events) -> int:
+    return events.t.nbytes + events.x.nbytes + events.y.nbytes + events.p.nbytes
