@@ -1,0 +1,7 @@
+"""`python -m etd_ros`."""
+
+import sys
+
+from etd_ros.cli import main
+
+sys.exit(main())

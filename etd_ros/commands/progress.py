@@ -1,0 +1,33 @@
+"""A progress line on standard error, only where somebody watches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from etd_ros.events import Events
+
+
+@contextmanager
+def with_progress(batches: Iterable[Events], verb: str) -> Iterator[Iterator[Events]]:
+    """The same batches, counted on a progress line while they are taken."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(verb)
+
+        def counted() -> Iterator[Events]:
+            events, first_ns = 0, None
+            for batch in batches:
+                if len(batch):
+                    first_ns = int(batch.t[0]) if first_ns is None else first_ns
+                    events += len(batch)
+                    seconds = (int(batch.t[-1]) - first_ns) / 1e9
+                    progress.update(
+                        task, description=f"{verb}: {events / 1e6:.2f} M events, {seconds:.1f} s of recording"
+                    )
+                yield batch
+
+        yield counted()

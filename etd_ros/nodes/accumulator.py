@@ -1,0 +1,70 @@
+"""`accumulator`: events in, ATSLTD frames out (sensor_msgs/Image 8UC2, On and Off, stamped with their end)."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from sensor_msgs.msg import Image
+
+from etd_ros.conversion import FrameEnd
+from etd_ros.engine import CONVERSIONS, FrameSource
+from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions, run_node
+from etd_ros.nodes.event_input import EventInput
+from etd_ros.parameters import parameter
+from etd_ros.stream import StreamBatch
+from msg_adapters import EventMessage, encode_image
+
+
+@dataclass(frozen=True, slots=True)
+class AccumulatorOptions(NodeOptions):
+    """Parameters of the accumulator."""
+
+    conversion: str = parameter("atsltd", "how events become frames", choices=CONVERSIONS)
+
+
+class Accumulator(EtdNode):
+    """Publishes `~/frames` while somebody subscribes to it."""
+
+    def __init__(self) -> None:
+        stages = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
+        super().__init__("accumulator", stages, AccumulatorOptions)
+        self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
+        self._source: FrameSource | None = None
+        self._size = (0, 0)
+        self._finished = dict.fromkeys(FrameEnd, 0)
+        self._last_nzge = 0.0
+        self._input = EventInput(self, self._on_events, lambda: self._frames.get_subscription_count() > 0)
+
+    def diagnostics(self) -> dict[str, object]:
+        """Figures for /diagnostics."""
+        return {
+            **super().diagnostics(),
+            **self._input.diagnostics(),
+            **{f"frames ended by {end.value}": count for end, count in self._finished.items()},
+            "frames": sum(self._finished.values()),
+            "last NZGE": f"{self._last_nzge:.4f}",
+            "reading events": self._input.subscribed,
+            "frame subscribers": self._frames.get_subscription_count(),
+        }
+
+    def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
+        events = batch.events
+        if self._source is None or (events.width, events.height) != self._size:
+            self._size = (events.width, events.height)
+            self._source = FrameSource(self.options.conversion, *self._size, self.settings)
+        elif batch.restart is not None:
+            self._source.reset()
+        for frame in self._source.frames(events):
+            self._finished[frame.end] += 1
+            self._last_nzge = frame.nzge
+            self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=message.frame_id))
+
+
+def main() -> int:
+    """Entry point of `ros2 run etd_ros accumulator`."""
+    return run_node(Accumulator)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

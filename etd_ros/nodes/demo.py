@@ -1,0 +1,233 @@
+"""The demo: replay, accumulator, reconstruction and tracker as processes over DDS, watched, recorded and scored."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from etd_ros.errors import EtdError
+from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read_tracks, score
+from etd_ros.nodes.bag_recorder import BagRecorder
+from etd_ros.nodes.monitor import EVENTS, FRAMES, Monitor, TrackedFrame
+from etd_ros.overlay import VideoWriter, draw_overlay
+
+READY_TIMEOUT_S = 60.0
+IDLE_END_S = 3.0
+STOP_TIMEOUT_S = 10.0
+VIDEO_FPS = 30.0
+DOMAIN_ID_MAX = 100
+NODES = ("accumulator", "reconstruction", "tracker")
+
+
+class DemoError(EtdError):
+    """The demo cannot run here."""
+
+
+class Processes:
+    """Child processes with their output in log files; all are gone when the context ends."""
+
+    def __init__(self, log_folder: Path) -> None:
+        self._log_folder = log_folder
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self, name: str, arguments: list[str]) -> None:
+        """Start `python -m etd_ros.nodes.<name>`."""
+        with (self._log_folder / f"{name}.log").open("wb") as log:
+            self._children[name] = subprocess.Popen(
+                [sys.executable, "-m", f"etd_ros.nodes.{name}", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    def running(self, name: str) -> bool:
+        """Whether the child is still there."""
+        return self._children[name].poll() is None
+
+    def check(self) -> None:
+        """Complain about a child that failed.
+
+        Raises:
+            DemoError: with the end of its log.
+        """
+        for name, child in self._children.items():
+            if child.poll():
+                log = (self._log_folder / f"{name}.log").read_text(errors="replace").strip().splitlines()
+                msg = f"the {name} process ended with exit code {child.returncode}: {log[-1] if log else 'no output'}"
+                raise DemoError(msg)
+
+    def stop(self) -> None:
+        """Interrupt every child, wait, and kill what does not leave."""
+        for child in self._children.values():
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
+        deadline_s = time.monotonic() + STOP_TIMEOUT_S
+        for child in self._children.values():
+            try:
+                child.wait(max(0.1, deadline_s - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+
+
+def run(recording: Path, truth: Path, output: Path, rate: float) -> int:
+    """Run the demo and leave tracks.csv, overlay.mp4, a bag and logs in `output`.
+
+    Raises:
+        EtdError: something is missing, or a process failed.
+    """
+    boxes = read_boxes(truth)
+    output = _fresh_folder(output)
+    _use_own_domain()
+    with ExitStack() as stack:
+        signal.signal(signal.SIGTERM, _interrupt)
+        processes = stack.enter_context(Processes(output / "logs"))
+        recorder = stack.enter_context(BagRecorder(output / "bag"))
+        tracks = stack.enter_context(TracksWriter(output / "tracks.csv"))
+        video = stack.enter_context(VideoWriter(output / "overlay.mp4", VIDEO_FPS))
+
+        def take(tracked: TrackedFrame) -> None:
+            tracks.write_reports(tracked.stamp_ns, tracked.reports)
+            video.write(draw_overlay(tracked.frame, tracked.reports, image=tracked.image, stamp_ns=tracked.stamp_ns))
+
+        monitor, spin_once = stack.enter_context(_monitor(recorder, take))
+        _start_nodes(processes, truth)
+        live = stack.enter_context(Live(console=Console(), refresh_per_second=4))
+        _wait(processes, monitor, spin_once, live, lambda: _ready(monitor), "the three nodes to find each other")
+        processes.start("replay", [str(recording), "--rate", str(rate), "--clock", "--wait-for", "3"])
+        while processes.running("replay") or not _finished(monitor):
+            spin_once()
+            processes.check()
+            live.update(_table(monitor))
+    _say_results(output, score(read_tracks(output / "tracks.csv"), boxes))
+    return 0
+
+
+def _start_nodes(processes: Processes, truth: Path) -> None:
+    events = ["-r", f"~/events:={EVENTS}", "-p", "use_sim_time:=true"]
+    processes.start("accumulator", ["--ros-args", *events])
+    processes.start("reconstruction", ["--ros-args", *events])
+    processes.start("tracker", ["--ros-args", "-p", f"targets_file:={truth.resolve()}", "-p", "use_sim_time:=true"])
+
+
+def _ready(monitor: Monitor) -> bool:
+    """Each link is up as seen from its publisher: frames to reconstruction, tracker and monitor, images to two."""
+    return (
+        monitor.figure("accumulator", "frame subscribers") == "3"
+        and monitor.figure("reconstruction", "image subscribers") == "2"
+        and monitor.figure("accumulator", "reading events") != ""
+        and monitor.figure("tracker", "targets") not in ("", "0")
+    )
+
+
+def _finished(monitor: Monitor) -> bool:
+    return time.monotonic() - monitor.figures.last_data_s > IDLE_END_S
+
+
+def _wait(
+    processes: Processes,
+    monitor: Monitor,
+    spin_once: Callable[[], None],
+    live: Live,
+    condition: Callable[[], bool],
+    what: str,
+) -> None:
+    deadline_s = time.monotonic() + READY_TIMEOUT_S
+    while not condition():
+        if time.monotonic() > deadline_s:
+            msg = f"waited {READY_TIMEOUT_S:.0f} s in vain for {what}: see the logs in the output folder"
+            raise DemoError(msg)
+        spin_once()
+        processes.check()
+        live.update(_table(monitor))
+
+
+@contextmanager
+def _monitor(
+    recorder: BagRecorder, take: Callable[[TrackedFrame], None]
+) -> Iterator[tuple[Monitor, Callable[[], None]]]:
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    monitor = Monitor(recorder, take)
+    executor = SingleThreadedExecutor()
+    executor.add_node(monitor)
+    try:
+        yield monitor, lambda: executor.spin_once(timeout_sec=0.1)
+    finally:
+        executor.shutdown()
+        monitor.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _use_own_domain() -> None:
+    """Keep the demo's traffic on this machine and apart from other ROS processes."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + secrets.randbelow(DOMAIN_ID_MAX)))
+
+
+def _interrupt(_signal: int, _frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _fresh_folder(output: Path) -> Path:
+    """The output folder with nothing of an earlier demo in it.
+
+    Raises:
+        DemoError: it cannot be written.
+    """
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for folder in ("bag", "logs"):
+            shutil.rmtree(output / folder, ignore_errors=True)
+        (output / "logs").mkdir()
+    except OSError as err:
+        msg = f"{output}: cannot be written ({err.strerror}): choose another --output"
+        raise DemoError(msg) from err
+    return output
+
+
+def _table(monitor: Monitor) -> Table:
+    figures = monitor.figures
+    table = Table(title="etd_ros demo", title_justify="left")
+    for column in ("what", "value"):
+        table.add_column(column)
+    table.add_row("events", f"{monitor.figure('accumulator', 'events') or 0}")
+    table.add_row("events/s", f"{figures.rates.get('events', 0):,.0f}")
+    table.add_row("frames", f"{figures.messages[FRAMES]}")
+    table.add_row("frames/s", f"{figures.rates.get(FRAMES, 0):.0f}")
+    for name, state in sorted(figures.states.items()):
+        style = {"tracking": "green", "recovering": "yellow", "lost": "red"}.get(state, "")
+        table.add_row(f"target {name}", f"[{style}]{state}[/{style}]" if style else state)
+    return table
+
+
+def _say_results(output: Path, scores: dict[str, Score]) -> None:
+    table = Table(title="against the truth", title_justify="left")
+    for column in ("target", "AP", "AR", "labels"):
+        table.add_column(column)
+    for name, value in {**scores, "mean": mean_score(scores)}.items():
+        table.add_row(name, f"{value.ap:.3f}", f"{value.ar:.3f}", str(value.n))
+    console = Console()
+    console.print(table)
+    for name, what in (("tracks.csv", "boxes"), ("overlay.mp4", "video"), ("bag", "everything published, mcap")):
+        console.print(f"{output / name}  ({what})")

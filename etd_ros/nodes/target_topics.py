@@ -1,0 +1,146 @@
+"""Targets in, boxes and states out: the topics that `tracker` and `pipeline` share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.errors import EtdError
+from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
+from etd_ros.overlay import draw_overlay
+from etd_ros.parameters import parameter
+from etd_ros.targets import TargetStart, parse_target, targets_from_file, unique_targets
+from etd_ros.tracking import METHODS, MultiTracker, TargetReport, TargetState
+from msg_adapters import (
+    Detection,
+    DiagnosticStatus,
+    Level,
+    decode_detections,
+    encode_detections,
+    encode_diagnostics,
+    encode_image,
+)
+
+LEVELS = {
+    TargetState.TRACKING: Level.OK,
+    TargetState.RECOVERING: Level.WARN,
+    TargetState.LOST: Level.ERROR,
+    TargetState.IDLE: Level.STALE,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingOptions(NodeOptions):
+    """Parameters of the nodes that track."""
+
+    method: str = parameter("etd", "tracking method", choices=tuple(METHODS))
+    targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
+    targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
+
+
+class TargetInput:
+    """The targets that were asked for: by parameters, and by messages on `~/targets`."""
+
+    def __init__(self, node: EtdNode) -> None:
+        self._node = node
+        self._targets = {target.name: target for target in _from_options(node.options)}
+        self._new: list[TargetStart] = []
+        self._unnamed = 0
+        self._subscription = node.create_subscription(
+            Detection2DArray, "~/targets", lambda data: node.worker.submit(self._on_targets, data), FRAME_QOS, raw=True
+        )
+
+    def __len__(self) -> int:
+        return len(self._targets)
+
+    def start_all(self, tracker: MultiTracker) -> None:
+        """Start every target on a new tracker."""
+        self._new.clear()
+        for target in self._targets.values():
+            self._start(tracker, target)
+
+    def start_new(self, tracker: MultiTracker) -> None:
+        """Start, or start again, the targets that came since the last call."""
+        for target in self._new:
+            self._start(tracker, target)
+        self._new.clear()
+
+    def _start(self, tracker: MultiTracker, target: TargetStart) -> None:
+        try:
+            if target.name in tracker.targets:
+                tracker.stop(target.name)
+            tracker.start(target.name, target.box, target.stamp_ns)
+        except EtdError as err:
+            self._targets.pop(target.name, None)
+            self._node.count_error(err)
+
+    def _on_targets(self, message: bytes) -> None:
+        decoded = decode_detections(message)
+        for detection in decoded.detections:
+            name = detection.id or detection.class_id
+            if not name:
+                self._unnamed += 1
+                name = f"target_{self._unnamed}"
+            target = TargetStart(name, detection.box, decoded.stamp_ns)
+            self._targets[name] = target
+            self._new.append(target)
+
+
+class TrackingOutput:
+    """Publishes `~/detections`, `~/status` and `~/overlay`."""
+
+    def __init__(self, node: EtdNode) -> None:
+        self._detections = node.create_publisher(Detection2DArray, "~/detections", FRAME_QOS)
+        self._status = node.create_publisher(DiagnosticArray, "~/status", FRAME_QOS)
+        self._overlay = node.create_publisher(Image, "~/overlay", FRAME_QOS)
+        self._name = node.get_fully_qualified_name().lstrip("/")
+        self.frames = 0
+        self.states: dict[str, str] = {}
+
+    @property
+    def subscribers(self) -> int:
+        """How many read the boxes, states or overlay."""
+        return sum(publisher.get_subscription_count() for publisher in (self._detections, self._status, self._overlay))
+
+    def publish(
+        self,
+        stamp_ns: int,
+        frame_id: str,
+        frame: npt.NDArray[np.uint8],
+        image: npt.NDArray[np.uint8] | None,
+        reports: tuple[TargetReport, ...],
+    ) -> None:
+        """Say what one frame brought; stamps and frame_id are those of the frame."""
+        self.frames += 1
+        self.states = {report.name: report.state.value for report in reports}
+        detections = [
+            Detection(id=report.name, box=report.box, score=report.score, class_id=report.name)
+            for report in reports
+            if report.box is not None
+        ]
+        self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
+        statuses = [self._status_of(report, frame_id) for report in reports]
+        self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))
+        if self._overlay.get_subscription_count():
+            picture = draw_overlay(frame, reports, image=image, stamp_ns=stamp_ns)
+            self._overlay.publish(encode_image(picture, stamp_ns=stamp_ns, frame_id=frame_id))
+
+    def _status_of(self, report: TargetReport, frame_id: str) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=LEVELS[report.state],
+            name=f"{self._name}: {report.name}",
+            message=report.state.value,
+            hardware_id=frame_id,
+            values=(("target", report.name), ("state", report.state.value), ("score", repr(report.score))),
+        )
+
+
+def _from_options(options: TrackingOptions) -> list[TargetStart]:
+    from_file = targets_from_file(Path(options.targets_file)) if options.targets_file else []
+    return unique_targets([*from_file, *map(parse_target, filter(None, options.targets.split(";")))])

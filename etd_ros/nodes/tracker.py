@@ -1,0 +1,180 @@
+"""`tracker`: frames and images in; boxes, states and an overlay out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+from etd_ros.engine import make_tracker
+from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, run_node
+from etd_ros.nodes.target_topics import TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.parameters import parameter
+from etd_ros.tracking import MultiTracker, method_named
+from msg_adapters import ImageMessage, Layout, MessageError, decode_image
+
+EARLY_IMAGES_MAX = 64
+FLUSH_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerOptions(TrackingOptions):
+    """Parameters of the tracker."""
+
+    image_wait_s: float = parameter(
+        1.0, "longest wait for the intensity image of a frame before it is tracked without (s)", low=0.0, high=60.0
+    )
+
+
+class FramePairs:
+    """Joins each frame with the image of the same stamp; a frame does not wait longer than `wait_s` seconds."""
+
+    def __init__(self, wait_s: float) -> None:
+        self.frames_without_image = 0
+        self.wait_s = wait_s
+        self._frames: deque[tuple[float, ImageMessage]] = deque()
+        self._images: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
+
+    def add_frame(self, frame: ImageMessage) -> None:
+        """A frame has come."""
+        self._frames.append((time.monotonic(), frame))
+
+    def add_image(self, image: ImageMessage) -> None:
+        """An image has come, before or after its frame."""
+        self._images[image.stamp_ns] = image.data
+        while len(self._images) > EARLY_IMAGES_MAX:
+            self._images.popitem(last=False)
+
+    def pop(self) -> tuple[ImageMessage, npt.NDArray[np.uint8] | None] | None:
+        """The oldest frame that is ready, with its image if there is one."""
+        if not self._frames:
+            return None
+        arrived_s, frame = self._frames[0]
+        image = self._images.pop(frame.stamp_ns, None)
+        if image is None and not self._is_overdue(arrived_s):
+            return None
+        self._frames.popleft()
+        self.frames_without_image += image is None
+        return frame, image
+
+    def _is_overdue(self, arrived_s: float) -> bool:
+        """Images come in the frames' order: one of a later frame says that this one's will not come."""
+        later_has_image = any(later.stamp_ns in self._images for _, later in list(self._frames)[1:])
+        return later_has_image or time.monotonic() - arrived_s >= self.wait_s
+
+
+class Tracker(EtdNode):
+    """Tracks the targets of its parameters and of `~/targets` on `accumulator/frames`."""
+
+    def __init__(self) -> None:
+        super().__init__("tracker", ("detection", "tracking", "recovery"), TrackerOptions)
+        self._targets = TargetInput(self)
+        self._output = TrackingOutput(self)
+        self._recovers = method_named(self.options.method).recovers
+        self._pairs = FramePairs(0.0)
+        self._tracker: MultiTracker | None = None
+        self._size = (0, 0)
+        self._received = {"frames": 0, "images": 0}
+        make_tracker(self.options.method, 1, 1, self.settings)
+        self._frames = self.create_subscription(Image, "accumulator/frames", self._on_frame, FRAME_QOS, raw=True)
+        self._name_input(self._frames.topic_name, "frames", "start `ros2 run etd_ros accumulator`")
+        if self._recovers:
+            self._images = self.create_subscription(
+                Image, "reconstruction/image_raw", self._on_image, FRAME_QOS, raw=True
+            )
+            self._name_input(self._images.topic_name, "images", "start `ros2 run etd_ros reconstruction`")
+        self._reset = self.create_service(Trigger, "~/reset", self._on_reset)
+        self._flush_timer = self.create_timer(FLUSH_PERIOD_S, self._flush)
+
+    def diagnostics(self) -> dict[str, object]:
+        """Figures for /diagnostics."""
+        return {
+            **super().diagnostics(),
+            "frames received": self._received["frames"],
+            "images received": self._received["images"],
+            "frames tracked": self._output.frames,
+            "frames without image": self._pairs.frames_without_image if self._recovers else 0,
+            "targets": len(self._targets),
+            **{f"state of {name}": state for name, state in self._output.states.items()},
+        }
+
+    def missing(self) -> list[str]:
+        """What the node waits for."""
+        sentences = super().missing()
+        if not len(self._targets):
+            topic = self.resolve_topic_name("~/targets")
+            sentences.append(
+                f"waiting for targets on {topic} (vision_msgs/msg/Detection2DArray, reliable): "
+                "publish boxes there, or set the parameter targets or targets_file"
+            )
+        return sentences
+
+    def _name_input(self, topic: str, kind: str, provider: str) -> None:
+        self.add_input(
+            Input(topic, "sensor_msgs/msg/Image", "reliable", provider, lambda: self._received[kind], lambda: True)
+        )
+
+    def _on_frame(self, message: bytes) -> None:
+        self._received["frames"] += 1
+        self.worker.submit(self._take_frame, message)
+
+    def _on_image(self, message: bytes) -> None:
+        self._received["images"] += 1
+        self.worker.submit(self._take_image, message)
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.worker.submit(self._forget, b"")
+        response.success, response.message = True, "every target starts again at its box"
+        return response
+
+    def _take_frame(self, message: bytes) -> None:
+        frame = decode_image(message, Layout.ROS2)
+        if frame.encoding != "8UC2":
+            msg = (
+                f"{self._frames.topic_name}: encoding {frame.encoding} is not 8UC2: remap it to an accumulator's frames"
+            )
+            raise MessageError(msg)
+        self._pairs.add_frame(frame)
+        self._advance(b"")
+
+    def _take_image(self, message: bytes) -> None:
+        self._pairs.add_image(decode_image(message, Layout.ROS2))
+        self._advance(b"")
+
+    def _flush(self) -> None:
+        """Frames whose image is overdue go on without; where nobody makes images, none is waited for."""
+        has_images = self._recovers and self.count_publishers(self._images.topic_name) > 0
+        self._pairs.wait_s = self.options.image_wait_s if has_images else 0.0
+        self.worker.submit(self._advance, b"")
+
+    def _forget(self, _: bytes) -> None:
+        self._tracker = None
+
+    def _advance(self, _: bytes) -> None:
+        while (pair := self._pairs.pop()) is not None:
+            self._track(*pair)
+
+    def _track(self, frame: ImageMessage, image: npt.NDArray[np.uint8] | None) -> None:
+        height, width = frame.data.shape[:2]
+        if self._tracker is None or (width, height) != self._size:
+            self._size = (width, height)
+            self._tracker = make_tracker(self.options.method, width, height, self.settings)
+            self._targets.start_all(self._tracker)
+        self._targets.start_new(self._tracker)
+        reports = self._tracker.update(frame.stamp_ns, frame.data, image)
+        self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports)
+
+
+def main() -> int:
+    """Entry point of `ros2 run etd_ros tracker`."""
+    return run_node(Tracker)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""All parameters of the method in one place, under the names that the nodes, YAML files and `--set` share."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from etd_ros.conversion import AtsltdConfig, FixedCountConfig, FixedWindowConfig, NoiseFilterConfig
+from etd_ros.detection import EdgeBoxesConfig
+from etd_ros.parameters import Description, ParameterError, Parameters, described, from_mapping
+from etd_ros.reconstruction import HighPassConfig
+from etd_ros.recovery import RecoveryConfig
+from etd_ros.stream import StreamConfig
+from etd_ros.tracking import TrackerConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """One configuration for each stage. A parameter's full name is `<stage>.<name>`, as in `atsltd.nzge_interval`."""
+
+    stream: StreamConfig = field(default_factory=StreamConfig)
+    noise_filter: NoiseFilterConfig = field(default_factory=NoiseFilterConfig)
+    atsltd: AtsltdConfig = field(default_factory=AtsltdConfig)
+    fixed_window: FixedWindowConfig = field(default_factory=FixedWindowConfig)
+    fixed_count: FixedCountConfig = field(default_factory=FixedCountConfig)
+    detection: EdgeBoxesConfig = field(default_factory=EdgeBoxesConfig)
+    tracking: TrackerConfig = field(default_factory=TrackerConfig)
+    reconstruction: HighPassConfig = field(default_factory=HighPassConfig)
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
+
+
+STAGES: dict[str, type[Parameters]] = {
+    stage.name: stage.default_factory  # type: ignore[misc]
+    for stage in dataclasses.fields(Settings)
+}
+"""Configuration class of each stage, in the order of the flow."""
+
+
+def described_settings(stages: tuple[str, ...] = tuple(STAGES)) -> Iterator[tuple[str, Any, Description]]:
+    """(full name, default, description) of every parameter of the stages."""
+    for stage in stages:
+        for name, default, description in described(STAGES[stage]):
+            yield f"{stage}.{name}", default, description
+
+
+def settings_from_mapping(values: Mapping[str, Any]) -> Settings:
+    """Settings from full names and values; what is not named keeps its default.
+
+    Raises:
+        ParameterError: an unknown name, a value of another type, or one out of range.
+    """
+    by_stage: dict[str, dict[str, Any]] = {}
+    for full_name, value in values.items():
+        stage, _, name = full_name.partition(".")
+        if stage not in STAGES:
+            msg = f"unknown parameter {full_name!r}: known are {', '.join(name for name, _, _ in described_settings())}"
+            raise ParameterError(msg)
+        by_stage.setdefault(stage, {})[name] = value
+    configs: dict[str, Any] = {}
+    for stage, stage_values in by_stage.items():
+        try:
+            configs[stage] = from_mapping(STAGES[stage], stage_values)
+        except ParameterError as err:
+            msg = f"{stage}: {err}"
+            raise ParameterError(msg) from err
+    return Settings(**configs)
+
+
+def read_parameter_file(path: Path) -> dict[str, Any]:
+    """Full names and values from a ROS 2 parameter file; the stages are taken from every node in it.
+
+    Raises:
+        ParameterError: the file is missing, is not YAML, or holds no `ros__parameters`.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as err:
+        msg = f"{path}: cannot be read ({err}): name a ROS 2 parameter file"
+        raise ParameterError(msg) from err
+    except yaml.YAMLError as err:
+        msg = f"{path}: is not YAML ({' '.join(str(err).split())}): name a ROS 2 parameter file"
+        raise ParameterError(msg) from err
+    nodes = list(_node_parameters(document))
+    if not nodes:
+        msg = f"{path}: holds no ros__parameters mapping: write one as in config/etd_ros.yaml"
+        raise ParameterError(msg)
+    flat = [item for node in nodes for item in _flatten(node, "")]
+    return {name: value for name, value in flat if name.partition(".")[0] in STAGES and "." in name}
+
+
+def _node_parameters(document: Any) -> Iterator[Mapping[str, Any]]:
+    if isinstance(document, Mapping):
+        for name, value in document.items():
+            if name == "ros__parameters" and isinstance(value, Mapping):
+                yield value
+            else:
+                yield from _node_parameters(value)
+
+
+def _flatten(values: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flatten(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value

@@ -1,0 +1,90 @@
+"""What to track: a name, a box and the time from which on it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from etd_ros.boxes import Box
+from etd_ros.errors import EtdError
+from etd_ros.evaluation import read_boxes
+
+EARLIEST_START_NS = 100_000_000
+"""How far before the first event a target may start: a quiet scene's first event comes after the recording's start."""
+
+
+class TargetError(EtdError):
+    """A target that cannot be read or started."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetStart:
+    """A target to track from a box at a time on.
+
+    Attributes:
+        name: the target's name, unique.
+        box: where it is then (pixels).
+        stamp_ns: from the first frame at or after this time on (ns); 0 means from the next frame on.
+    """
+
+    name: str
+    box: Box
+    stamp_ns: int = 0
+
+    def check_start(self, first_event_ns: int) -> None:
+        """Refuse a start that lies clearly before the first event.
+
+        Raises:
+            TargetError: the stamp is on another clock, or too early.
+        """
+        if 0 < self.stamp_ns < first_event_ns - EARLIEST_START_NS:
+            msg = (
+                f"target {self.name!r} starts at {self.stamp_ns} ns, before the first event at {first_event_ns} ns: "
+                "give a stamp on the events' clock"
+            )
+            raise TargetError(msg)
+
+
+def targets_from_file(path: Path) -> list[TargetStart]:
+    """Targets at the first row of each name in a BOXES.csv.
+
+    Raises:
+        EvaluationError: the file cannot be read or has a wrong row.
+    """
+    return [TargetStart(name, rows[0].box, rows[0].stamp_ns) for name, rows in read_boxes(path).items()]
+
+
+def parse_target(text: str) -> TargetStart:
+    """A target from `NAME:X,Y,W,H` or `NAME:X,Y,W,H@STAMP_NS`.
+
+    Raises:
+        TargetError: the text has another form.
+    """
+    name, colon, rest = text.rpartition(":")
+    box_text, _, stamp_text = rest.partition("@")
+    try:
+        x, y, w, h = (float(number) for number in box_text.split(","))
+        stamp_ns = int(stamp_text or 0)
+    except ValueError as err:
+        msg = f"target {text!r} is not NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS (pixels, nanoseconds)"
+        raise TargetError(msg) from err
+    if not colon or not name or stamp_ns < 0:
+        msg = f"target {text!r} needs a name and a stamp of 0 or more: NAME:X,Y,W,H@STAMP_NS"
+        raise TargetError(msg)
+    return TargetStart(name, Box(x, y, w, h), stamp_ns)
+
+
+def unique_targets(targets: Iterable[TargetStart]) -> list[TargetStart]:
+    """The targets, in order.
+
+    Raises:
+        TargetError: a name occurs twice.
+    """
+    found: dict[str, TargetStart] = {}
+    for target in targets:
+        if target.name in found:
+            msg = f"target {target.name!r} is given twice: give each target a name of its own"
+            raise TargetError(msg)
+        found[target.name] = target
+    return list(found.values())
