@@ -1,0 +1,101 @@
+"""The unfinished frame and the stream that it belongs to: what all converters share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from etd_ros.conversion.batches import check_batch
+from etd_ros.conversion.cells import CellMap, add_events, make_cell_map, map_nzge, read_out
+from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
+from etd_ros.events import Events, check_sensor_size
+
+
+class FrameAccumulator:
+    """Collects the events of one frame after the other.
+
+    A finished frame's grey levels are the closed form of the paper's linear time decay (section 3.1, equation 2) with
+    times relative to the frame's start: a pixel whose last event in the frame came at t_e has
+
+        max(1, round(255 * (t_e - T_{i-1}) / (T_i - T_{i-1}))),
+
+    halves rounded up, and a pixel without events 0. At least 1 keeps the events at the frame's very start (the paper's
+    rule would make them vanish), and 0 means no event. In a frame of no duration every event has 255.
+    """
+
+    def __init__(self, width: int, height: int, cell_size: int = CELL_SIZE, log_base: float = LOG_BASE) -> None:
+        """Prepare a sensor of width x height pixels.
+
+        Raises:
+            EventsError: an impossible sensor size.
+            ConversionError: cell_size or log_base out of range.
+        """
+        check_sensor_size(width, height)
+        self.width = width
+        self.height = height
+        self.cells: CellMap = make_cell_map(width, height, cell_size, log_base)
+        self.per_log_base = 1 / math.log(log_base)
+        self._cell_size = cell_size
+        self._previous_ns: int | None = None
+
+    @property
+    def start_ns(self) -> int:
+        """T_{i-1} of the unfinished frame (ns)."""
+        return int(self.cells.state["start_ns"][0])
+
+    @property
+    def events(self) -> int:
+        """Number of events in the unfinished frame."""
+        return int(self.cells.state["events"][0])
+
+    def accept(self, events: Events) -> None:
+        """Verify the next batch of the stream; the stream's first event starts its first frame.
+
+        Raises:
+            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+        """
+        check_batch(events, self.width, self.height, self._previous_ns)
+        if not len(events):
+            return
+        if self._previous_ns is None:
+            self.begin(int(events.t[0]))
+        self._previous_ns = int(events.t[-1])
+
+    def begin(self, start_ns: int) -> None:
+        """Let the unfinished frame, which must be empty, start at this time."""
+        self.cells.state["start_ns"][0] = start_ns
+
+    def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
+        """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
+        return int(add_events(self.cells, events.t, events.x, events.y, events.p, first, stop, limit_ns))
+
+    def finish(self, stamp_ns: int, end: FrameEnd, known_nzge: float | None = None) -> Frame:
+        """Read the frame out and start the next one at stamp_ns; its NZGE is computed unless it is known."""
+        start_ns, events = self.start_ns, self.events
+        duration_ns = stamp_ns - start_ns
+        entropy = float(map_nzge(self.cells, duration_ns, self.per_log_base)) if known_nzge is None else known_nzge
+        data = np.zeros((self.height, self.width, 2), np.uint8)
+        read_out(self.cells, duration_ns, self._cell_size, data)
+        self.begin(stamp_ns)
+        return Frame(stamp_ns, start_ns, data, events, entropy, end)
+
+    def skip_to(self, event_ns: int, max_duration_ns: int) -> Frame | None:
+        """End the frame at its longest duration because an event at event_ns, later than that, has come.
+
+        The next frame starts there, or at event_ns if it would be over before that event as well.
+
+        Returns:
+            The frame, or None if it holds no events.
+        """
+        limit_ns = self.start_ns + max_duration_ns
+        frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT) if self.events else None
+        self.begin(event_ns if event_ns > limit_ns + max_duration_ns else limit_ns)
+        return frame
+
+    def reset(self) -> None:
+        """Forget the unfinished frame and the stream."""
+        if self.events:
+            self.finish(self.start_ns, FrameEnd.TIME_LIMIT)
+        self._previous_ns = None

@@ -1,0 +1,182 @@
+"""Adaptive Time-Surface with Linear Time Decay: frames that end when they hold enough information (section 3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.conversion.cells import DURATION_MAX_NS, CellMap, add_events, map_nzge
+from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE, interval_from_statistics
+from etd_ros.events import Events
+from etd_ros.parameters import ParameterError, Parameters, parameter
+
+PAPER_INTERVAL = tuple(round(bound, 4) for bound in interval_from_statistics(mean=0.08795, std=0.02394, n=100))
+"""[alpha, beta] from the paper's 100 sampled frames: (0.0832, 0.0927)."""
+
+CHECKS_AT_STRIDE = 8
+"""Exact checks of a frame at `check_stride` before the distance begins to double."""
+
+ESTIMATE_MARGIN = 1e-9
+"""Above the rounding errors of the estimate's running sum."""
+
+
+@dataclass(frozen=True)
+class AtsltdConfig(Parameters):
+    """When an ATSLTD frame ends."""
+
+    nzge_interval: tuple[float, float] = parameter(
+        PAPER_INTERVAL,
+        "[alpha, beta]: a frame ends at NZGE >= alpha; above beta it is an overshoot",
+        low=1e-6,
+        high=1.0,
+    )
+    cell_size: int = parameter(CELL_SIZE, "Side r of an entropy cell (pixels)", low=2, high=CELL_SIZE_MAX)
+    log_base: float = parameter(LOG_BASE, "Base of the entropy's logarithm; 256 normalises to [0, 1]", low=1.001)
+    max_duration_s: float = parameter(
+        0.1, "Longest frame (s); quiet or noisy scenes end frames by it", low=1e-6, high=DURATION_MAX_NS / 1e9
+    )
+    check_stride: int = parameter(50, "Distance of the checks of NZGE (events): the largest delay", low=1, high=10_000)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        alpha, beta = self.nzge_interval
+        if alpha > beta:
+            msg = f"parameter nzge_interval = [{alpha}, {beta}] is empty: give [alpha, beta] with alpha <= beta"
+            raise ParameterError(msg)
+
+
+class AtsltdConverter:
+    """Events to ATSLTD frames; a `Converter`.
+
+    A frame starts at T_{i-1}, the end of the last one (the stream's first event starts the first). It ends with its
+    k-th event, T_i = t_k, k the first check point with NZGE >= alpha (exact, of the frame as it would be read out
+    then) and t_k > T_{i-1}. Check points are the multiples of check_stride, counted from the frame's first event, so
+    that batches do not matter. Only the ninth and later exact checks of one frame are further apart, each gap twice
+    the last: a frame whose NZGE stays just below alpha (one flash of the whole sensor) costs no more than a few
+    readouts. So a frame ends at most check_stride events late, or, in that rare case, as many events as came since its
+    first exact check.
+
+    An exact check is made only where an upper bound reaches alpha: no cell has more entropy than with distinct grey
+    levels (paper equation 4), which a table gives from the number of its event pixels, and a cell has entropy for
+    certain while none of its channels is full. So the bound saves time and never changes a frame.
+
+    If an event comes later than max_duration_s after the frame's start, the frame ends there without it
+    (`FrameEnd.TIME_LIMIT`).
+    """
+
+    def __init__(self, width: int, height: int, config: AtsltdConfig | None = None) -> None:
+        """Prepare for a sensor of width x height pixels.
+
+        Raises:
+            EventsError: an impossible sensor size.
+        """
+        self.config = config or AtsltdConfig()
+        self.overshoots = 0
+        """Frames so far whose NZGE had passed beta when it was checked."""
+        self._max_duration_ns = round(self.config.max_duration_s * 1e9)
+        self._accumulator = FrameAccumulator(width, height, self.config.cell_size, self.config.log_base)
+        self._checks = np.zeros(1, CHECKS_DTYPE)
+        self._restart_checks()
+
+    def convert(self, events: Events) -> Iterator[Frame]:
+        """Take a batch that follows the last one in time; yield the frames that it finishes.
+
+        The batch is worked off as the iterator advances: exhaust it before the next batch.
+
+        Raises:
+            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+        """
+        self._accumulator.accept(events)
+        return self._frames(events)
+
+    def reset(self) -> None:
+        """Forget the unfinished frame: the next batch starts a new stream."""
+        self._accumulator.reset()
+        self._restart_checks()
+
+    def _frames(self, events: Events) -> Iterator[Frame]:
+        accumulator = self._accumulator
+        alpha, beta = self.config.nzge_interval
+        frame: Frame | None
+        i = 0
+        while i < len(events):
+            i, reached_nzge = _advance(
+                accumulator.cells,
+                self._checks,
+                *(events.t, events.x, events.y, events.p),
+                i,
+                accumulator.start_ns + self._max_duration_ns,
+                alpha,
+                accumulator.per_log_base,
+                self.config.check_stride,
+            )
+            if reached_nzge > 0:
+                frame = accumulator.finish(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge)
+                self.overshoots += frame.nzge > beta
+            elif i < len(events):
+                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)
+            else:
+                return
+            self._restart_checks()
+            if frame is not None:
+                yield frame
+
+    def _restart_checks(self) -> None:
+        self._checks["next"][0] = self.config.check_stride
+        self._checks["exact_per_bound"][0] = 1.0
+        self._checks["failed"][0] = 0
+
+
+CHECKS_DTYPE = np.dtype([("next", "<i8"), ("exact_per_bound", "<f8"), ("failed", "<i8")])
+"""Number of the frame's event at which to check next, exact NZGE by its bound at the last exact check (1 before the
+frame's first), and exact checks that found less than alpha."""
+
+
+@njit(cache=True, nogil=True)
+def _advance(
+    cells: CellMap,
+    checks: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    limit_ns: int,
+    alpha: float,
+    per_log_base: float,
+    check_stride: int,
+) -> tuple[int, float]:
+    """Add events to the frame until it reaches alpha, an event comes after limit_ns, or the batch is over.
+
+    Returns:
+        The index of the first event not added, and the NZGE that reached alpha, or 0.
+    """
+    state = cells.state
+    i = first
+    while i < len(t):
+        stop = min(len(t), i + checks[0].next - state[0].events)
+        i = add_events(cells, t, x, y, p, i, stop, limit_ns)
+        if i < stop:
+            return i, 0.0
+        if state[0].events < checks[0].next:
+            continue
+        checks[0].next += check_stride
+        duration_ns = t[i - 1] - state[0].start_ns
+        certain_cells = state[0].touched - state[0].full
+        bound = state[0].entropy / 2 / certain_cells if certain_cells > 0 else 1.0
+        if duration_ns == 0 or bound * checks[0].exact_per_bound < alpha * (1 - ESTIMATE_MARGIN):
+            continue
+        nzge = map_nzge(cells, duration_ns, per_log_base)
+        if nzge >= alpha:
+            return i, nzge
+        checks[0].exact_per_bound = nzge / bound
+        checks[0].failed += 1
+        if checks[0].failed > CHECKS_AT_STRIDE:
+            checks[0].next += check_stride * (2 ** min(checks[0].failed - CHECKS_AT_STRIDE, 30) - 1)
+    return i, 0.0

@@ -1,0 +1,66 @@
+"""What every consumer of batches verifies before its kernels index arrays with coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from etd_ros.conversion.frame import ConversionError
+from etd_ros.events import Events
+
+TIME_MAX_NS = 2**62
+"""Stamps lie within +-this, so that differences and limits fit 64 bits."""
+
+
+def check_batch(events: Events, width: int, height: int, previous_ns: int | None) -> None:
+    """Verify that a batch may follow in this stream; one pass over the arrays.
+
+    Args:
+        events: the batch.
+        width: width of the stream's sensor (pixels).
+        height: height of the stream's sensor (pixels).
+        previous_ns: time of the stream's last event (ns), None before the first.
+
+    Raises:
+        ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+    """
+    if (events.width, events.height) != (width, height):
+        msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
+        raise ConversionError(msg)
+    if not len(events):
+        return
+    first_ns, last_ns = int(events.t[0]), int(events.t[-1])
+    if previous_ns is not None and first_ns < previous_ns:
+        msg = f"event time goes back from {previous_ns} to {first_ns} ns: reset the converter to start a new stream"
+        raise ConversionError(msg)
+    x_max, y_max, p_max, steps_back = _extremes(events.t, events.x, events.y, events.p)
+    if steps_back:
+        msg = f"event time goes back {steps_back} times in a batch from {first_ns} ns: sort the events by time"
+        raise ConversionError(msg)
+    if not -TIME_MAX_NS < first_ns <= last_ns < TIME_MAX_NS:
+        msg = f"event times {first_ns} to {last_ns} ns are impossible: give nanoseconds since an epoch"
+        raise ConversionError(msg)
+    if x_max >= width or y_max >= height or p_max > 1:
+        msg = f"an event at ({x_max}, {y_max}) or a polarity of {p_max} does not fit a {width}x{height} sensor"
+        raise ConversionError(msg)
+
+
+@njit(cache=True, nogil=True)
+def _extremes(
+    t: npt.NDArray[np.int64], x: npt.NDArray[np.uint16], y: npt.NDArray[np.uint16], p: npt.NDArray[np.uint8]
+) -> tuple[int, int, int, int]:
+    # One loop an array, without early exit: the compiler vectorises these and nothing else.
+    x_max = x[0]
+    for value in x:
+        x_max = max(x_max, value)
+    y_max = y[0]
+    for value in y:
+        y_max = max(y_max, value)
+    p_max = p[0]
+    for value in p:
+        p_max = max(p_max, value)
+    steps_back = 0
+    for i in range(1, len(t)):
+        steps_back += t[i] < t[i - 1]
+    return x_max, y_max, p_max, steps_back
