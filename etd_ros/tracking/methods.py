@@ -1,0 +1,48 @@
+"""The tracking methods by name: the paper's ETD and its two variants (Sec. 4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from etd_ros.tracking.errors import TrackingError
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """How events become frames, and whether a lost target is searched for.
+
+    Attributes:
+        name: the name on the command line and in parameters.
+        conversion: events to frames.
+        recovers: a recovery tracker searches lost targets on reconstructed images.
+        description: one line for help texts.
+    """
+
+    name: str
+    conversion: Literal["atsltd", "fixed_window"]
+    recovers: bool
+    description: str
+
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        Method("etd", "atsltd", True, "ATSLTD frames, recovery on reconstructed images: the paper's method"),
+        Method("etd-nr", "atsltd", False, "ATSLTD frames, no recovery: a lost target stays lost"),
+        Method("etd-ftw", "fixed_window", True, "frames of fixed 9 ms time windows, recovery"),
+    )
+}
+"""Every method by its name."""
+
+
+def method_named(name: str) -> Method:
+    """The method of this name.
+
+    Raises:
+        TrackingError: there is none; the message lists the known ones.
+    """
+    if name not in METHODS:
+        msg = f"unknown method {name!r}: choose one of {', '.join(METHODS)}"
+        raise TrackingError(msg)
+    return METHODS[name]

@@ -1,0 +1,123 @@
+"""Any number of targets on the frames of one sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.detection import EdgeBoxes
+from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.target import FrameData, RecoveryFactory, Target, TargetReport, TrackerConfig
+
+NAME_LENGTH_MAX = 64
+
+
+class MultiTracker:
+    """Tracks targets that are started and stopped by name. Targets do not influence one another.
+
+    Args:
+        width: sensor width (pixels).
+        height: sensor height (pixels).
+        config: parameters of every target.
+        detector: makes the proposals.
+        recovery_factory: makes one recovery tracker a target; None: a failed target stays lost.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        config: TrackerConfig | None = None,
+        detector: EdgeBoxes | None = None,
+        recovery_factory: RecoveryFactory | None = None,
+    ) -> None:
+        self._width = width
+        self._height = height
+        self._config = config or TrackerConfig()
+        self._detector = detector or EdgeBoxes()
+        self._recovery_factory = recovery_factory
+        self._targets: dict[str, Target] = {}
+        self._last_stamp_ns: int | None = None
+
+    @property
+    def targets(self) -> Mapping[str, Target]:
+        """The targets by name, in the order of their start (read-only)."""
+        return MappingProxyType(self._targets)
+
+    def start(self, name: str, box: Box, stamp_ns: int = 0) -> None:
+        """Track a target that is at `box` at `stamp_ns`.
+
+        Args:
+            name: 1 to 64 printable characters without commas; unique.
+            box: its box (pixels), which may reach over the sensor's border.
+            stamp_ns: tracking starts on the first frame at or after this time (ns), 0: on the next frame.
+
+        Raises:
+            TrackingError: the name is unusable or taken, or the stamp is negative.
+            BoxError: the box is not finite, has no area or lies off the sensor.
+            RecoveryError: its recovery tracker cannot be made.
+        """
+        _check_name(name)
+        if name in self._targets:
+            msg = f"target {name!r} is being tracked already: stop it first or choose another name"
+            raise TrackingError(msg)
+        if stamp_ns < 0:
+            msg = f"target {name!r} starts at {stamp_ns} ns: a stamp is 0 (the next frame) or above"
+            raise TrackingError(msg)
+        box = Box(*map(float, box))
+        box.check(self._width, self._height, f"box of target {name!r}")
+        self._targets[name] = Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
+
+    def stop(self, name: str) -> None:
+        """Forget a target.
+
+        Raises:
+            TrackingError: there is no target of this name.
+        """
+        if name not in self._targets:
+            msg = f"there is no target {name!r} to stop: tracked are {', '.join(self._targets) or 'none'}"
+            raise TrackingError(msg)
+        del self._targets[name]
+
+    def update(self, stamp_ns: int, frame: FrameData, image: FrameData | None = None) -> tuple[TargetReport, ...]:
+        """Take the next frame. A stamp below the last one starts the stream again: targets with a start stamp of
+        their own wait for it anew at their first box, those started "now" go on from their last box.
+
+        Args:
+            stamp_ns: T_i, the end of the frame (ns).
+            frame: uint8, shape (height, width, 2).
+            image: intensity image at the same stamp, uint8, shape (height, width); None where there is none.
+
+        Returns:
+            One report a target, in the order of their start.
+
+        Raises:
+            TrackingError: frame or image are of another shape or dtype than the sensor's.
+        """
+        self._check_pixels("frame", frame, (self._height, self._width, 2))
+        if image is not None:
+            self._check_pixels("image", image, (self._height, self._width))
+        if self._last_stamp_ns is not None and stamp_ns < self._last_stamp_ns:
+            for target in self._targets.values():
+                target.time_went_back(stamp_ns)
+        self._last_stamp_ns = stamp_ns
+        return tuple(target.update(stamp_ns, frame, image) for target in self._targets.values())
+
+    def _check_pixels(self, what: str, pixels: FrameData, shape: tuple[int, ...]) -> None:
+        if pixels.shape != shape or pixels.dtype != np.uint8:
+            msg = (
+                f"{what} is {pixels.dtype} {pixels.shape}, the {self._width}x{self._height} sensor's are uint8 {shape}"
+            )
+            raise TrackingError(msg)
+
+
+def _check_name(name: str) -> None:
+    if not 1 <= len(name) <= NAME_LENGTH_MAX or not name.isprintable() or "," in name:
+        msg = (
+            f"target name {name[:80]!r} is unusable: "
+            f"give 1 to {NAME_LENGTH_MAX} printable characters without commas or line breaks"
+        )
+        raise TrackingError(msg)

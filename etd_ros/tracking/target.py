@@ -1,0 +1,224 @@
+"""One target's state machine.
+
+::
+
+            frame at or after          no candidate, or       recovering_max_s
+            the start stamp            its IoU below mu       is over
+      IDLE -----------------> TRACKING -------------> RECOVERING -----------> LOST
+        ^                         ^                       |                     |
+        |                         +-----------------------+---------------------+
+        |                           found by the recovery tracker
+        +---- from any state, if time goes back before the start stamp
+
+Without a recovery tracker a failure leads to LOST at once, and there the target stays until it is started again.
+A target that stands still while others move gets no events, so no candidate: that is a failure too, as printed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.boxes import Box, iou
+from etd_ros.detection import EdgeBoxes, admissibility
+from etd_ros.parameters import Parameters, parameter
+from etd_ros.recovery.interface import RecoveryTracker
+
+FrameData = npt.NDArray[np.uint8]
+RecoveryFactory = Callable[[], RecoveryTracker]
+
+
+class TargetState(str, Enum):
+    """Where a target stands."""
+
+    IDLE = "idle"
+    """Its start stamp is still to come."""
+    TRACKING = "tracking"
+    """Its box is known."""
+    RECOVERING = "recovering"
+    """Its tracking failed a short while ago; every image is searched for it."""
+    LOST = "lost"
+    """It was not found for long, so images are searched now and then, or (no recovery) not at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerConfig(Parameters):
+    """Parameters of tracking; the first two are the paper's."""
+
+    proposal_score_min: float = parameter(
+        0.7,
+        "Proposals of a lower area and aspect score are no candidates (lambda). Higher forbids larger changes of size.",
+        low=0.0,
+        high=1.0,
+    )
+    failure_iou: float = parameter(
+        0.3,
+        "A best candidate overlapping the last box less is a failure (mu). Higher fails earlier.",
+        low=0.0,
+        high=1.0,
+    )
+    remember_interval: int = parameter(
+        10,
+        "Tracked frames between two views of the target for the recovery tracker. Fewer follow changes, and drift.",
+        low=1,
+        high=100_000,
+    )
+    recovering_max_s: float = parameter(
+        2.0, "How long every image is searched for a target after a failure (s); then it is lost.", low=0.0, high=3600.0
+    )
+    lost_search_interval: int = parameter(
+        10,
+        "A lost target is searched on every so many-th frame. Lower finds it sooner and costs more.",
+        low=1,
+        high=10_000,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TargetReport:
+    """A target after a frame.
+
+    Attributes:
+        name: its name.
+        state: where it stands.
+        box: its box (pixels), while TRACKING; else None.
+        score: IoU with its box on the frame before, or what the recovery tracker gave if that found it on this frame;
+            0 while there is no box.
+    """
+
+    name: str
+    state: TargetState
+    box: Box | None
+    score: float
+
+
+class Target:
+    """One tracked target.
+
+    Args:
+        name: its name.
+        box: where it is at `stamp_ns` (pixels).
+        stamp_ns: from the first frame at or after this time on it is tracked (ns); 0 means from the next frame on.
+        config: parameters.
+        detector: makes the proposals; may be shared.
+        recovery_factory: makes this target's own recovery tracker; None: no recovery.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        box: Box,
+        stamp_ns: int,
+        config: TrackerConfig,
+        detector: EdgeBoxes,
+        recovery_factory: RecoveryFactory | None,
+    ) -> None:
+        self.name = name
+        self.start_box = box
+        self.start_stamp_ns = stamp_ns
+        self._config = config
+        self._detector = detector
+        self._recovery_factory = recovery_factory
+        self._wait_for_start()
+
+    @property
+    def state(self) -> TargetState:
+        """Where the target stands."""
+        return self._state
+
+    @property
+    def last_box(self) -> Box:
+        """O_{i-1}: where the target was seen last (pixels)."""
+        return self._last_box
+
+    def update(self, stamp_ns: int, frame_data: FrameData, image: FrameData | None) -> TargetReport:
+        """Take the next frame and the intensity image of the same stamp, if there is one.
+
+        Args:
+            stamp_ns: T_i (ns).
+            frame_data: uint8, shape (height, width, 2).
+            image: uint8, shape (height, width), or None: nothing is searched or remembered on this frame.
+        """
+        if self._state is TargetState.IDLE:
+            if stamp_ns < self.start_stamp_ns:
+                return self._report(0.0)
+            self._state = TargetState.TRACKING
+            if image is not None:
+                self._remember(image)
+        if self._state is TargetState.TRACKING:
+            overlap = self._track(frame_data)
+            if overlap is not None:
+                self._frames_since_remembered += 1
+                if image is not None and self._frames_since_remembered >= self._config.remember_interval:
+                    self._remember(image)
+                return self._report(overlap)
+            self._fail(stamp_ns)
+        return self._report(self._recover(stamp_ns, image))
+
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""
+        if self.start_stamp_ns > 0:
+            self._wait_for_start()
+        else:
+            self._failed_at_ns = stamp_ns
+
+    def _wait_for_start(self) -> None:
+        self._state: TargetState = TargetState.IDLE
+        self._last_box: Box = self.start_box
+        self._recovery: RecoveryTracker | None = self._recovery_factory() if self._recovery_factory else None
+        self._frames_since_remembered: int = self._config.remember_interval
+        self._failed_at_ns: int = 0
+        self._frames_since_search: int = 0
+
+    def _track(self, frame_data: FrameData) -> float | None:
+        """Move to the candidate with the largest IoU with the last box; that IoU, or None for a failure."""
+        score_min = self._config.proposal_score_min
+        proposals = self._detector.propose(frame_data, self._last_box, admissibility_min=score_min)
+        candidates = proposals.boxes[admissibility(proposals.boxes, self._last_box) > score_min]
+        if len(candidates) == 0:
+            return None
+        overlaps = iou(candidates, self._last_box)
+        best = int(np.argmax(overlaps))
+        if overlaps[best] < self._config.failure_iou:
+            return None
+        self._last_box = Box(*candidates[best].tolist())
+        return float(overlaps[best])
+
+    def _fail(self, stamp_ns: int) -> None:
+        self._state = TargetState.RECOVERING if self._recovery else TargetState.LOST
+        self._failed_at_ns = stamp_ns
+
+    def _recover(self, stamp_ns: int, image: FrameData | None) -> float:
+        """Search the image if it is time to; the recovery tracker's score, 0 while not found."""
+        if (
+            self._state is TargetState.RECOVERING
+            and stamp_ns - self._failed_at_ns > self._config.recovering_max_s * 1e9
+        ):
+            self._state = TargetState.LOST
+            self._frames_since_search = 0
+        if self._state is TargetState.LOST:
+            self._frames_since_search += 1
+            if self._frames_since_search < self._config.lost_search_interval:
+                return 0.0
+        if self._recovery is None or image is None:
+            return 0.0
+        self._frames_since_search = 0
+        found = self._recovery.search(image, self._last_box)
+        if found is None:
+            return 0.0
+        self._state = TargetState.TRACKING
+        self._last_box = found.box
+        return found.score
+
+    def _remember(self, image: FrameData) -> None:
+        if self._recovery is not None:
+            self._recovery.remember(image, self._last_box)
+            self._frames_since_remembered = 0
+
+    def _report(self, score: float) -> TargetReport:
+        box = self._last_box if self._state is TargetState.TRACKING else None
+        return TargetReport(self.name, self._state, box, score)
