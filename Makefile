@@ -1,0 +1,37 @@
+# `make demo` and `make test` set everything up by themselves. Another Python: `make setup PYTHON=python3.12`.
+PYTHON ?= python3
+BIN := .venv/bin
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+# A sourced ROS 2 looks for libraries along these; without one, the wheels find their own.
+ifdef ROS_DISTRO
+export LD_LIBRARY_PATH := $(CURDIR)/.venv/lib:$(LD_LIBRARY_PATH)
+export AMENT_PREFIX_PATH := $(CURDIR)/.venv:$(AMENT_PREFIX_PATH)
+endif
+# A guard that the ROS wheels leave behind in the shell of another environment: it must not reach this one.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: help setup demo test lint clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' $(MAKEFILE_LIST)
+
+setup: ## make .venv with all that is needed (does nothing when done)
+	@$(PYTHON) scripts/set_up.py
+
+demo: setup ## track the bundled recording live, over ROS 2
+	@$(BIN)/python -m etd_ros demo --output demo
+
+test: lint ## all checks and tests
+	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python -m pytest
+
+lint: setup ## style and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/mypy scripts/set_up.py
+
+clean: ## remove .venv and everything generated
+	rm -rf .venv demo build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find etd_ros msg_adapters test scripts launch -name __pycache__ -type d -prune -exec rm -rf {} +
