@@ -23,7 +23,7 @@ class StreamConfig(Parameters):
 
     step_back_max_s: float = parameter(
         0.1,
-        "longest step back in time (s) that is survived, by holding time at its latest; a longer one starts a new stream",
+        "longest step back in time (s) that is survived by holding the latest time; a longer one starts a new stream",
         low=0.0,
         high=3600.0,
     )

@@ -1,0 +1,1 @@
+"""The commands of `python -m etd_ros`, one module each."""

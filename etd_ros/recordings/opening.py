@@ -1,0 +1,61 @@
+"""Which reader a path gets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from etd_ros.events import check_sensor_size
+from etd_ros.recordings.interface import Recording, RecordingError
+
+SUPPORTED = ".bag, .mcap, .db3, a ROS 2 bag's folder, .aedat4, .raw, an events.txt or its folder"
+
+
+def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[int, int] | None = None) -> Recording:
+    """A recording of any known kind, to be used as a context manager.
+
+    Args:
+        path: ROS 1 bag, ROS 2 bag (folder or storage file), AEDAT4, Prophesee raw, ECD text or its folder.
+        topic: the event topic, where a bag has several.
+        size: sensor (width, height) in pixels, for text and raw files that do not tell it.
+
+    Raises:
+        RecordingError: missing, empty, unreadable, damaged, of an unknown kind, or without (one choice of) events.
+        EventsError: an impossible sensor size.
+    """
+    path = Path(path)
+    if size is not None:
+        check_sensor_size(*size)
+    try:
+        return _open(path, topic, size)
+    except OSError as err:
+        msg = f"{path}: cannot be read ({err.strerror or err}): check its permissions"
+        raise RecordingError(msg) from err
+
+
+def _open(path: Path, topic: str | None, size: tuple[int, int] | None) -> Recording:
+    # The readers are imported where they are used: a ROS bag needs no AEDAT4 package, and start-up stays short.
+    if not path.exists():
+        msg = f"{path}: no such file or folder: check the path"
+        raise RecordingError(msg)
+    if path.is_file() and path.stat().st_size == 0:
+        msg = f"{path}: empty: record or copy it again"
+        raise RecordingError(msg)
+    suffix = path.suffix.lower()
+    if (path.is_dir() and (path / "events.txt").is_file()) or suffix == ".txt":
+        from etd_ros.recordings.ecd import EcdRecording
+
+        return EcdRecording(path, size)
+    if path.is_dir() or suffix in (".bag", ".mcap", ".db3"):
+        from etd_ros.recordings.rosbag import RosBagRecording
+
+        return RosBagRecording(path, topic)
+    if suffix == ".aedat4":
+        from etd_ros.recordings.aedat4 import Aedat4Recording
+
+        return Aedat4Recording(path)
+    if suffix == ".raw":
+        from etd_ros.recordings.prophesee import PropheseeRecording
+
+        return PropheseeRecording(path, size)
+    msg = f"{path}: unknown kind of recording ({path.suffix or 'no extension'}): supported are {SUPPORTED}"
+    raise RecordingError(msg)

@@ -1,0 +1,200 @@
+"""ROS 1 bags and ROS 2 bags (sqlite3, mcap; compressed too), read as raw bytes through rosbags."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags import rosbag1, rosbag2
+
+from etd_ros.recordings.interface import RecordedImage, RecordedMessage, Recording, RecordingError, TopicInfo
+from msg_adapters import (
+    EVENT_TYPES,
+    EventMessage,
+    Layout,
+    MessageError,
+    decode_image,
+    decoder_for,
+    ros2_type_name,
+)
+
+STORAGE_SUFFIXES = (".mcap", ".db3")
+IMAGE_TYPE = "sensor_msgs/msg/Image"
+
+
+class RosBagRecording(Recording):
+    """A ROS bag. The event topic is found by its type.
+
+    Args:
+        path: .bag, .mcap or .db3 file, or a ROS 2 bag's folder.
+        topic: the event topic, needed where the bag has several.
+
+    Raises:
+        RecordingError: the bag cannot be read, or has no event topic, or several and `topic` names none of them.
+    """
+
+    def __init__(self, path: Path, topic: str | None = None) -> None:
+        self.path = path
+        self._layout = Layout.ROS1 if path.suffix == ".bag" else Layout.ROS2
+        self._parts = _storage_parts(path)
+        self.kind, self.duration_ns, topics = self._read_index()
+        self.topic, self.event_type = _choose_events(path, topics, topic)
+        self._image_topic = _choose_images(topics, self.topic)
+        with closing(self.packets()) as packets:
+            first = next(packets, None)
+        if first is None:
+            msg = f"{path}: {self.topic} holds no messages: record while the camera publishes"
+            raise RecordingError(msg)
+        self.width, self.height = first.events.width, first.events.height
+        self.topics = tuple(
+            TopicInfo(name, type_name, count, first.encoding if name == self.topic else None)
+            for (name, type_name), count in sorted(topics.items())
+        )
+
+    def packets(self) -> Iterator[EventMessage]:
+        decoder = decoder_for(self.event_type, self._layout)
+        for number, message in enumerate(self._raw({self.topic})):
+            try:
+                packet = decoder.decode(message.data)
+            except MessageError as err:
+                msg = f"{self.path}: message {number} of {self.topic}: {err}"
+                raise RecordingError(msg) from err
+            yield packet
+
+    def images(self) -> Iterator[RecordedImage]:
+        if self._image_topic is None:
+            return
+        for number, message in enumerate(self._raw({self._image_topic})):
+            try:
+                image = decode_image(message.data, self._layout)
+            except MessageError as err:
+                msg = f"{self.path}: message {number} of {self._image_topic}: {err}"
+                raise RecordingError(msg) from err
+            yield RecordedImage(image.stamp_ns, image.frame_id, image.data)
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        return self._raw({self.topic} | ({self._image_topic} if self._image_topic else set()))
+
+    def _read_index(self) -> tuple[str, int, dict[tuple[str, str], int]]:
+        """(container, duration in ns, number of messages by topic and type)."""
+        counts: dict[tuple[str, str], int] = {}
+        start_ns, end_ns = [], []
+        for part in self._parts:
+            with _translated(self.path, lambda part=part: _open_reader(part)) as reader:
+                for connection in reader.connections:
+                    key = (connection.topic, ros2_type_name(connection.msgtype))
+                    counts[key] = counts.get(key, 0) + connection.msgcount
+                start_ns.append(reader.start_time)
+                end_ns.append(reader.end_time)
+        duration_ns = max(0, max(end_ns) - min(start_ns) - 1)
+        kind = "ROS 1 bag" if self._layout is Layout.ROS1 else "ROS 2 bag"
+        return kind, duration_ns, counts
+
+    def _raw(self, topics: set[str]) -> Iterator[RecordedMessage]:
+        """Messages of these topics. A reader of its own per iteration, since readers keep one file position."""
+        for part in self._parts:
+            with _translated(self.path, lambda part=part: _open_reader(part)) as reader:
+                wanted = [connection for connection in reader.connections if connection.topic in topics]
+                if not wanted:
+                    continue
+                stored = reader.messages(wanted)
+                while (item := _translated(self.path, lambda stored=stored: next(stored, None))) is not None:
+                    connection, receive_ns, data = item
+                    type_name = ros2_type_name(connection.msgtype)
+                    yield RecordedMessage(receive_ns, connection.topic, type_name, self._layout, bytes(data))
+
+
+def _open_reader(part: Path) -> Any:
+    reader = rosbag1.Reader(part) if part.suffix == ".bag" else rosbag2.Reader(part)
+    reader.open()
+    return _Opened(reader)
+
+
+class _Opened:
+    """An open reader as a context manager (rosbags opens its own on entering, outside our translation)."""
+
+    def __init__(self, reader: Any) -> None:
+        self._reader = reader
+
+    def __enter__(self) -> Any:
+        return self._reader
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+
+def _translated(path: Path, read: Callable[[], Any]) -> Any:
+    """The result of a call into rosbags; its failures become one line with the file's name.
+
+    Raises:
+        RecordingError: the bag is damaged.
+    """
+    try:
+        return read()
+    # Damage shows in rosbags as its own errors, but also as failed assertions, struct, index and decompression errors.
+    except Exception as err:
+        reason = " ".join(str(err).split()).rstrip(".") or type(err).__name__
+        msg = f"{path}: truncated or damaged ({reason}): {_mend(path)}"
+        raise RecordingError(msg) from err
+
+
+def _mend(path: Path) -> str:
+    tool = {
+        ".bag": "repair it with `rosbag reindex`",
+        ".mcap": "repair it with `mcap recover`",
+        ".db3": "repair it with `sqlite3 FILE .recover`",
+    }.get(path.suffix, "repair it with `ros2 bag reindex`")
+    return f"{tool}, or copy it again"
+
+
+def _storage_parts(path: Path) -> list[Path]:
+    """What rosbags opens: the bag itself, or the storage files of a folder whose metadata does not name their kind."""
+    if not path.is_dir() or _has_usable_metadata(path):
+        return [path]
+    parts = sorted((file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES), key=_natural_order)
+    if not parts:
+        msg = f"{path}: a folder without .mcap, .db3 or events.txt files: give a recording"
+        raise RecordingError(msg)
+    return parts
+
+
+def _has_usable_metadata(path: Path) -> bool:
+    try:
+        metadata = yaml.safe_load((path / "metadata.yaml").read_text())
+        return bool(metadata["rosbag2_bagfile_information"]["storage_identifier"])
+    except (FileNotFoundError, KeyError, TypeError, yaml.YAMLError, UnicodeDecodeError):
+        # A recorder that was killed leaves no metadata, or half of it; the storage files speak for themselves.
+        return False
+
+
+def _natural_order(file: Path) -> list[tuple[int, str]]:
+    return [(int(piece or 0), "") if piece.isdigit() else (0, piece) for piece in re.split(r"(\d+)", file.name)]
+
+
+def _choose_events(path: Path, topics: dict[tuple[str, str], int], topic: str | None) -> tuple[str, str]:
+    found = sorted(key for key in topics if key[1] in EVENT_TYPES)
+    listed = ", ".join(f"{name} ({type_name})" for name, type_name in found)
+    if not found:
+        held = ", ".join(f"{name} ({type_name})" for name, type_name in sorted(topics)) or "nothing"
+        msg = f"{path}: no event topic; it holds {held}; event types are {', '.join(sorted(EVENT_TYPES))}"
+        raise RecordingError(msg)
+    if topic is not None:
+        found = [key for key in found if key[0] == topic]
+        if not found:
+            msg = f"{path}: {topic} is no event topic: choose one of {listed}"
+            raise RecordingError(msg)
+    if len(found) > 1:
+        msg = f"{path}: several event topics: choose one of {listed} with --topic"
+        raise RecordingError(msg)
+    return found[0]
+
+
+def _choose_images(topics: dict[tuple[str, str], int], event_topic: str) -> str | None:
+    """The image topic of the same camera, that is in the events' namespace; else the first one."""
+    found = sorted(name for name, type_name in topics if type_name == IMAGE_TYPE)
+    namespace = event_topic.rpartition("/")[0]
+    return next((name for name in found if name.rpartition("/")[0] == namespace), next(iter(found), None))
