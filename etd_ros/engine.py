@@ -23,7 +23,7 @@ from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.recovery import make_recovery
 from etd_ros.settings import Settings
-from etd_ros.stream import StreamGuard
+from etd_ros.stream import StreamBatch
 from etd_ros.targets import TargetStart, unique_targets
 from etd_ros.tracking import MultiTracker, TargetReport, method_named
 
@@ -139,32 +139,27 @@ class Engine:
 
 
 def track(
-    events: Iterable[Events],
+    streams: Iterable[StreamBatch],
     targets: Iterable[TargetStart],
     *,
     method: str = "etd",
     settings: Settings | None = None,
 ) -> Iterator[Step]:
-    """Track targets through batches of one sensor's events.
-
-    Gaps, steps back in time and the like are met as the live nodes meet them: the stream starts anew.
+    """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
     targets = unique_targets(targets)
-    guard = StreamGuard(settings.stream)
     engine: Engine | None = None
-    for batch in events:
-        if not len(batch):
-            continue
-        for part in guard.feed(batch):
-            if engine is None or (part.events.width, part.events.height) != (engine.width, engine.height):
-                engine = Engine(part.events.width, part.events.height, method=method, settings=settings)
-                for target in targets:
-                    target.check_start(int(part.events.t[0]))
-                    engine.tracker.start(target.name, target.box, target.stamp_ns)
-            elif part.restart is not None:
-                engine.reset()
-            yield from engine.feed(part.events)
+    for batch in streams:
+        events = batch.events
+        if engine is None or (events.width, events.height) != (engine.width, engine.height):
+            engine = Engine(events.width, events.height, method=method, settings=settings)
+            for target in targets:
+                target.check_start(int(events.t[0]))
+                engine.tracker.start(target.name, target.box, target.stamp_ns)
+        elif batch.restart is not None:
+            engine.reset()
+        yield from engine.feed(events)

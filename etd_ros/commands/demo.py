@@ -14,12 +14,8 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     """Add the command to the command line."""
     parser = subparsers.add_parser("demo", help="watch the nodes track a recording", description=__doc__)
     parser.add_argument("--recording", type=Path, default=BUNDLED, help="recording (default: the bundled one)")
-    parser.add_argument(
-        "--truth", type=Path, default=BUNDLED / "boxes.csv", help="its boxes (default: the bundled ones)"
-    )
-    parser.add_argument(
-        "--output", type=Path, default=Path("demo"), help="folder for the results (default: %(default)s)"
-    )
+    parser.add_argument("--truth", type=Path, default=BUNDLED / "boxes.csv", help="its boxes (default: bundled)")
+    parser.add_argument("--output", type=Path, default=Path("demo"), help="folder for results (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=1.0, help="pace of the replay (default: %(default)g)")
     parser.set_defaults(run=run)
 

@@ -8,17 +8,17 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from etd_ros.events import Events
+from etd_ros.stream import StreamBatch
 
 
 @contextmanager
-def with_progress(batches: Iterable[Events], verb: str) -> Iterator[Iterator[Events]]:
+def with_progress(batches: Iterable[StreamBatch], verb: str) -> Iterator[Iterator[StreamBatch]]:
     """The same batches, counted on a progress line while they are taken."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(verb)
 
-        def counted() -> Iterator[Events]:
+        def counted() -> Iterator[StreamBatch]:
             events, first_ns = 0, None
             for batch in batches:
                 if len(batch):

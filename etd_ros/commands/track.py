@@ -12,7 +12,7 @@ import yaml
 from etd_ros.overlay import VideoWriter, draw_overlay
 
 from etd_ros.commands.progress import with_progress
-from etd_ros.engine import track as track_events
+from etd_ros.engine import track as track_streams
 from etd_ros.evaluation import TracksWriter
 from etd_ros.parameters import ParameterError
 from etd_ros.recordings import open_recording
@@ -58,8 +58,8 @@ def run(options: argparse.Namespace) -> int:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic))
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(VideoWriter(options.video, VIDEO_FPS)) if options.video else None
-        events = stack.enter_context(with_progress(recording.events(), "tracking"))
-        for step in track_events(events, targets, method=options.method, settings=settings):
+        batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
+        for step in track_streams(batches, targets, method=options.method, settings=settings):
             tracks.write_reports(step.frame.stamp_ns, step.reports)
             if video is not None:
                 video.write(draw_overlay(step.frame.data, step.reports, image=step.image, stamp_ns=step.frame.stamp_ns))

@@ -52,7 +52,7 @@ class NodeOptions(Parameters):
 
     queue_mib: float = parameter(
         64.0,
-        "longest queue of received messages (MiB); beyond it the oldest are dropped and counted",
+        "longest queue of messages (MiB); beyond it the oldest are dropped and counted",
         low=1.0,
         high=4096.0,
     )

@@ -109,15 +109,13 @@ class EventInput:
             for type_name in sorted(types - self._refused_types):
                 self._refused_types.add(type_name)
                 self._node.get_logger().warning(
-                    f"{self._topic} carries {type_name}, which holds no events: known are {', '.join(sorted(EVENT_TYPES))}"
+                    f"{self._topic} carries {type_name}, not events: known are {', '.join(sorted(EVENT_TYPES))}"
                 )
             return
         type_name = known[0]
         message_class = _message_class(type_name)
         if message_class is None:
-            self._node.warn(
-                f"{self._topic} carries {type_name}: build and source the package {type_name.split('/')[0]}"
-            )
+            self._node.warn(f"{self._topic} carries {type_name}: build and source {type_name.split('/')[0]}")
             return
         decoding = EventDecoding(type_name, self._node.settings)
 

@@ -26,8 +26,8 @@ from etd_ros.commands.replay import add_arguments
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
 from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
-from etd_ros.recordings import Recording, open_recording
-from msg_adapters import Layout, encode_event_packet, encode_image, packet_to_ros2
+from etd_ros.recordings import RecordedMessage, Recording, open_recording
+from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
 
 EVENT_TOPIC = "/event_camera/events"
 IMAGE_TOPIC = "/event_camera/image_raw"
@@ -65,7 +65,7 @@ def replay_messages(recording: Recording) -> Iterator[ReplayMessage]:
     if recording.event_type in PACKET_TYPES:
         for message in recording.messages():
             if message.type_name == "sensor_msgs/msg/Image":
-                data = message.data if message.layout is Layout.ROS2 else _image_to_ros2(message.data)
+                data = message.data if message.layout is Layout.ROS2 else _image_to_ros2(message)
                 yield ReplayMessage(message.receive_ns, False, data)
             elif message.topic == recording.topic:
                 native = message.layout is Layout.ROS2 and message.type_name == PACKET_TYPES[0]
@@ -83,6 +83,11 @@ def replay_messages(recording: Recording) -> Iterator[ReplayMessage]:
         else:
             image = encode_image(item.data, stamp_ns=item.stamp_ns, frame_id=item.frame_id)
             yield ReplayMessage(item.stamp_ns, False, image)
+
+
+def _image_to_ros2(message: RecordedMessage) -> bytes:
+    image = decode_image(message.data, message.layout)
+    return encode_image(image.data, stamp_ns=image.stamp_ns, frame_id=image.frame_id, encoding=image.encoding)
 
 
 def _split(events: Events) -> Iterator[Events]:
@@ -111,8 +116,8 @@ class Replay(Node):
         if self._events.get_subscription_count() < number:
             self.get_logger().info(
                 f"waiting for {number} subscriber(s) of {self._events.topic_name} "
-                "(event_camera_msgs/msg/EventPacket, best effort): start `ros2 run etd_ros pipeline` or the three nodes; "
-                "they read events once somebody reads their boxes"
+                "(event_camera_msgs/msg/EventPacket, best effort): start `ros2 run etd_ros pipeline` or the three "
+                "nodes; they read events once somebody reads their boxes"
             )
         while self._events.get_subscription_count() < number and not self.stopped.wait(SUBSCRIBER_POLL_S):
             pass

@@ -136,9 +136,7 @@ class Tracker(EtdNode):
     def _take_frame(self, message: bytes) -> None:
         frame = decode_image(message, Layout.ROS2)
         if frame.encoding != "8UC2":
-            msg = (
-                f"{self._frames.topic_name}: encoding {frame.encoding} is not 8UC2: remap it to an accumulator's frames"
-            )
+            msg = f"{self._frames.topic_name}: encoding {frame.encoding} is not 8UC2: remap it to frames"
             raise MessageError(msg)
         self._pairs.add_frame(frame)
         self._advance(b"")

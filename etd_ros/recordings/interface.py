@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
+from etd_ros.stream import StreamBatch, StreamConfig, StreamGuard
 from msg_adapters import EventMessage, Layout, Triggers
 from msg_adapters.clock import SensorClock
 
@@ -116,6 +117,16 @@ class Recording(ABC):
         for packet in self.packets():
             if len(packet.events):
                 yield clock.to_ros(packet)
+
+    def streams(self, config: StreamConfig | None = None) -> Iterator[StreamBatch]:
+        """Batches on the ROS clock, split into streams exactly as the live nodes split the same messages.
+
+        Raises:
+            RecordingError: see `packets`.
+        """
+        clock, guard = SensorClock(), StreamGuard(config)
+        for packet in self.packets():
+            yield from guard.feed(clock.to_ros(packet), packet.seq, packet.encoding)
 
     def images(self) -> Iterator[RecordedImage]:
         """The video frames beside the events; none where the container holds none.

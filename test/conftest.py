@@ -1,0 +1,22 @@
+"""Where the real recordings are, for every test."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The folder of labelled real recordings."""
+    folder = Path(os.environ.get("ETD_DATA", REPOSITORY.parent / "shared" / "data"))
+    assert folder.is_dir(), f"{folder} is missing: set ETD_DATA to the folder of real recordings"
+    return folder
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The checkout."""
+    return REPOSITORY

@@ -1,0 +1,117 @@
+"""Real node processes over DDS on the loopback, each test in a ROS domain of its own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from msg_adapters import decode_diagnostics
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
+TIMEOUT_S = 60.0
+
+
+class Bench:
+    """Starts node processes, listens to topics, and waits for conditions."""
+
+    def __init__(self, folder: Path) -> None:
+        self.domain = next(DOMAINS)
+        self.messages: dict[str, list[bytes]] = {}
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self.processes: dict[str, subprocess.Popen[str]] = {}
+        self._folder = folder
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=self.domain)
+        self.node = Node("bench", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._keep: list[object] = []
+        self.listen("/diagnostics", DiagnosticArray, self._take_diagnostics)
+
+    def start(self, name: str, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+        """Start `python -m etd_ros.nodes.<name>`."""
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "PYTHONUNBUFFERED": "1"}
+        with (self._folder / f"{name}.log").open("w") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", f"etd_ros.nodes.{name}", *arguments, *(("--ros-args", *ros) if ros else ())],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                text=True,
+            )
+        self.processes[name] = process
+        return process
+
+    def log(self, name: str) -> str:
+        """What a process has printed so far."""
+        return (self._folder / f"{name}.log").read_text()
+
+    def listen(
+        self, topic: str, kind: type, take: Callable[[bytes], None] | None = None, *, events: bool = False
+    ) -> None:
+        """Keep every message of a topic, as bytes."""
+        kept = self.messages.setdefault(topic, [])
+        self._keep.append(
+            self.node.create_subscription(
+                kind, topic, take or kept.append, EVENT_QOS if events else FRAME_QOS, raw=True
+            )
+        )
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Spin until the condition holds; fail with the logs when it never does."""
+        deadline_s = time.monotonic() + TIMEOUT_S
+        while not condition():
+            if time.monotonic() > deadline_s:
+                logs = "\n".join(f"--- {name}\n{self.log(name)}" for name in self.processes)
+                pytest.fail(f"waited in vain until {what}\n{self.diagnostics}\n{logs}")
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def figure(self, node: str, key: str) -> str:
+        """A value of a node's diagnostics, empty while there is none."""
+        return self.diagnostics.get(node, {}).get(key, "")
+
+    def end(self, name: str, by: signal.Signals = signal.SIGINT) -> int:
+        """Signal a process and return its exit code."""
+        process = self.processes[name]
+        if process.poll() is None:
+            process.send_signal(by)
+        return process.wait(timeout=TIMEOUT_S)
+
+    def close(self) -> None:
+        """End every process and the listening."""
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _take_diagnostics(self, message: bytes) -> None:
+        for status in decode_diagnostics(message).statuses:
+            self.diagnostics[status.name] = {"message": status.message, **dict(status.values)}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A bench whose processes are gone afterwards."""
+    made = Bench(tmp_path)
+    try:
+        yield made
+    finally:
+        made.close()

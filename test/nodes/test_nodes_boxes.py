@@ -1,0 +1,75 @@
+"""The live nodes give the boxes that `track` gives."""
+
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.cli import main
+from etd_ros.evaluation import read_tracks
+from msg_adapters import decode_detections, decode_diagnostics
+
+EVENTS = "/event_camera/events"
+
+Boxes = dict[tuple[str, int], tuple[float, ...] | None]
+
+
+def offline_boxes(recording: Path, truth: Path, output: Path, method: str) -> Boxes:
+    assert main(["track", str(recording), "--targets", str(truth), "--output", str(output), "--method", method]) == 0
+    rows = [row for rows in read_tracks(output).values() for row in rows]
+    return {(row.target, row.stamp_ns): row.box and tuple(row.box) for row in rows}
+
+
+def live_boxes(detections: list[bytes], states: list[bytes]) -> Boxes:
+    boxes: Boxes = {}
+    for message in map(decode_diagnostics, states):
+        boxes |= {(dict(status.values)["target"], message.stamp_ns): None for status in message.statuses}
+    for message in map(decode_detections, detections):
+        boxes |= {(item.id, message.stamp_ns): tuple(item.box) for item in message.detections}
+    return boxes
+
+
+def assert_same_boxes(live: Boxes, offline: Boxes) -> None:
+    assert live.keys() == offline.keys()
+    for key, box in offline.items():
+        assert (live[key] is None) == (box is None), key
+        assert box is None or live[key] == pytest.approx(box, abs=1e-6), key
+
+
+@pytest.mark.parametrize("method", ["etd", "etd-nr"])
+def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench, repository, tmp_path, method):
+    recording, truth = repository / "bags" / "demo", repository / "bags" / "demo" / "boxes.csv"
+    expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method)
+    remap = ("-r", f"~/events:={EVENTS}")
+    bench.listen("/tracker/detections", Detection2DArray)
+    bench.listen("/tracker/status", DiagnosticArray)
+    bench.start("accumulator", ros=remap)
+    bench.start("reconstruction", ros=remap)
+    bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", f"method:={method}"))
+    linked = {"accumulator": "2", "reconstruction": "1" if method == "etd" else "0"}
+    bench.wait_until(
+        lambda: (
+            bench.figure("accumulator", "frame subscribers") == linked["accumulator"]
+            and bench.figure("reconstruction", "image subscribers") == linked["reconstruction"]
+        ),
+        "the nodes are linked",
+    )
+    replay = bench.start("replay", str(recording), "--wait-for", "2" if method == "etd" else "1")
+    stamps = {stamp for _, stamp in expected}
+    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
+    bench.wait_until(lambda: len(bench.messages["/tracker/status"]) >= len(stamps), "every frame is tracked")
+    assert_same_boxes(live_boxes(bench.messages["/tracker/detections"], bench.messages["/tracker/status"]), expected)
+
+
+def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path):
+    recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
+    expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", "etd")
+    bench.listen("/pipeline/detections", Detection2DArray)
+    bench.listen("/pipeline/status", DiagnosticArray)
+    bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", "-p", f"targets_file:={truth}"))
+    replay = bench.start("replay", str(recording))
+    stamps = {stamp for _, stamp in expected}
+    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
+    bench.wait_until(lambda: len(bench.messages["/pipeline/status"]) >= len(stamps), "every frame is tracked")
+    assert_same_boxes(live_boxes(bench.messages["/pipeline/detections"], bench.messages["/pipeline/status"]), expected)

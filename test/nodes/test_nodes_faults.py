@@ -1,0 +1,118 @@
+"""What nodes do when something is missing, wrong, or over."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from event_camera_msgs.msg import EventPacket
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.boxes import Box
+from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from msg_adapters import Detection, decode_detections, encode_detections
+
+EVENTS = "/event_camera/events"
+REMAP = ("-r", f"~/events:={EVENTS}")
+NODES = ("accumulator", "reconstruction", "tracker", "pipeline")
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_leaves_quietly_when_told_to(bench, name, by):
+    before = set(os.listdir("/dev/shm"))
+    bench.start(name)
+    bench.wait_until(lambda: name in bench.diagnostics, f"the {name} runs")
+    created = set(os.listdir("/dev/shm")) - before
+    assert bench.end(name, by) == 0
+    assert "Traceback" not in bench.log(name)
+    assert created, "the node used shared memory, so that its end can be seen there"
+    assert not created & set(os.listdir("/dev/shm")), "nothing of the node stays in shared memory"
+
+
+def test_an_accumulator_that_waits_names_topic_type_qos_and_provider(bench):
+    bench.listen("/accumulator/frames", Image)
+    bench.start("accumulator", ros=REMAP)
+    bench.wait_until(lambda: "waiting for" in bench.log("accumulator"), "the accumulator says what it waits for")
+    for part in (EVENTS, "event_camera_msgs/msg/EventPacket", "best effort", "ros2 run etd_ros replay"):
+        assert part in bench.log("accumulator")
+
+
+def test_a_tracker_that_waits_names_frames_images_and_targets(bench):
+    bench.start("tracker")
+    bench.wait_until(lambda: "waiting for targets" in bench.log("tracker"), "the tracker says what it waits for")
+    for part in (
+        "/accumulator/frames",
+        "/reconstruction/image_raw",
+        "ros2 run etd_ros accumulator",
+        "/tracker/targets",
+    ):
+        assert part in bench.log("tracker")
+
+
+def test_a_topic_without_events_is_named(bench):
+    bench.listen("/accumulator/frames", Image)
+    publisher = bench.node.create_publisher(Image, EVENTS, 1)
+    bench.start("accumulator", ros=REMAP)
+    bench.wait_until(lambda: "not events" in bench.log("accumulator"), "the accumulator refuses the type")
+    assert "sensor_msgs/msg/Image" in bench.log("accumulator")
+    bench.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("tracker", ("-p", "tracking.failure_iou:=7.0"), "tracking.failure_iou"),
+        ("tracker", ("-p", "method:=magic"), "magic"),
+        ("tracker", ("-p", "targets_file:=/nowhere/boxes.csv"), "/nowhere/boxes.csv"),
+        ("accumulator", ("-p", "conversion:=magic"), "magic"),
+        ("accumulator", ("-p", "atsltd.max_duration_s:=-1.0"), "max_duration_s"),
+    ],
+)
+def test_a_wrong_parameter_is_one_line_and_exit_code_2(bench, name, arguments, words):
+    process = bench.start(name, ros=arguments)
+    assert process.wait(timeout=60) == 2
+    lines = [line for line in bench.log(name).splitlines() if line.startswith("etd_ros:")]
+    assert len(lines) == 1
+    assert words in lines[0]
+    assert "Traceback" not in bench.log(name)
+
+
+def test_garbage_is_counted_and_the_node_goes_on(bench, repository):
+    bench.listen("/accumulator/frames", Image)
+    publisher = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("accumulator", ros=REMAP)
+    bench.wait_until(lambda: publisher.get_subscription_count() == 1, "the accumulator subscribes")
+    garbage = EventPacket(width=64, height=48, encoding="evt9", events=bytes(16))
+    zero_size = EventPacket(width=0, height=48, encoding="mono", events=bytes(16))
+    cut = EventPacket(width=64, height=48, encoding="mono", events=bytes(13))
+    for message in (garbage, zero_size, cut):
+        publisher.publish(message)
+    bench.wait_until(lambda: bench.figure("accumulator", "errors") == "3", "the errors are counted")
+    replay = bench.start("replay", str(repository / "bags" / "demo"), "--rate", "4")
+    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
+    bench.wait_until(lambda: len(bench.messages["/accumulator/frames"]) > 10, "frames come all the same")
+    assert "Traceback" not in bench.log("accumulator")
+
+
+def test_a_target_can_be_started_by_a_message(bench, repository):
+    bench.listen("/pipeline/detections", Detection2DArray)
+    targets = bench.node.create_publisher(Detection2DArray, "/pipeline/targets", FRAME_QOS)
+    bench.start("pipeline", ros=(*REMAP, "-p", "method:=etd-nr"))
+    bench.wait_until(lambda: targets.get_subscription_count() == 1, "the pipeline listens")
+    wanted = Detection(id="", box=Box(20.0, 20.0, 100.0, 80.0), score=1.0, class_id="")
+    targets.publish(encode_detections([wanted], stamp_ns=0, frame_id=""))
+    bench.start("replay", str(repository / "bags" / "demo"), "--rate", "4")
+    bench.wait_until(
+        lambda: any(decode_detections(message).detections for message in bench.messages["/pipeline/detections"]),
+        "the target has a box",
+    )
+    first = next(filter(None, (decode_detections(m).detections for m in bench.messages["/pipeline/detections"])))
+    assert [detection.id for detection in first] == ["target_1"]
+
+
+def test_an_unreadable_recording_ends_the_replay_with_one_line(bench, tmp_path: Path):
+    assert bench.start("replay", str(tmp_path / "missing.bag")).wait(timeout=60) == 2
+    assert bench.log("replay").startswith("etd_ros: ")
+    assert len(bench.log("replay").splitlines()) == 1

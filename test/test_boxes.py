@@ -1,0 +1,52 @@
+"""Boxes and their overlap."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from etd_ros.boxes import Box, BoxError, iou
+
+boxes = st.builds(Box, *(st.floats(-100, 100),) * 2, *(st.floats(0.5, 100),) * 2)
+
+
+@given(boxes, boxes)
+def test_overlap_is_symmetric_and_between_0_and_1(a, b):
+    one, other = float(iou(np.array([a]), b)[0]), float(iou(np.array([b]), a)[0])
+    assert one == pytest.approx(other, abs=1e-9)
+    assert 0 <= one <= 1 + 1e-9
+
+
+@given(boxes)
+def test_a_box_overlaps_itself_fully(box):
+    assert float(iou(np.array([box]), box)[0]) == pytest.approx(1)
+
+
+def test_half_overlapping_squares_share_a_third():
+    np.testing.assert_allclose(iou(np.array([(5, 0, 10, 10), (20, 0, 10, 10)], float), Box(0, 0, 10, 10)), [1 / 3, 0])
+
+
+@given(boxes, st.floats(0.1, 5))
+def test_scaling_keeps_the_centre(box, factor):
+    scaled = box.scaled(factor)
+    np.testing.assert_allclose(scaled.center, box.center, atol=1e-9)
+    assert scaled.w == pytest.approx(box.w * factor)
+
+
+@pytest.mark.parametrize(
+    ("box", "words"),
+    [
+        (Box(0, 0, 0, 5), "no area"),
+        (Box(0, 0, 5, -1), "no area"),
+        (Box(100, 0, 5, 5), "off the 100x80 sensor"),
+        (Box(0, -5, 5, 5), "off the 100x80 sensor"),
+        (Box(float("nan"), 0, 5, 5), "not finite"),
+    ],
+)
+def test_boxes_that_hold_no_object_are_refused(box, words):
+    with pytest.raises(BoxError, match=words):
+        box.check(100, 80)
+
+
+def test_a_box_over_the_border_is_accepted():
+    Box(-3, 70, 20, 20).check(100, 80)

@@ -1,0 +1,37 @@
+"""What to track."""
+
+import pytest
+
+from etd_ros.boxes import Box
+from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
+
+
+def test_a_target_is_read_from_text():
+    assert parse_target("my ball:1,2.5,30,40@17") == TargetStart("my ball", Box(1, 2.5, 30, 40), 17)
+    assert parse_target("a:b:1,2,3,4") == TargetStart("a:b", Box(1, 2, 3, 4), 0)
+
+
+@pytest.mark.parametrize(
+    "text", ["ball", "ball:1,2,3", "ball:1,2,3,x", "ball:1,2,3,4@soon", ":1,2,3,4", "b:1,2,3,4@-5"]
+)
+def test_text_of_another_form_is_refused(text):
+    with pytest.raises(TargetError, match="NAME:X,Y,W,H"):
+        parse_target(text)
+
+
+def test_targets_start_at_the_first_row_of_each_name(tmp_path):
+    path = tmp_path / "boxes.csv"
+    path.write_text("target,stamp_ns,x,y,w,h\na,10,1,2,3,4\na,20,5,6,7,8\nb,20,1,1,1,1\n")
+    assert targets_from_file(path) == [TargetStart("a", Box(1, 2, 3, 4), 10), TargetStart("b", Box(1, 1, 1, 1), 20)]
+
+
+def test_a_name_given_twice_is_refused():
+    with pytest.raises(TargetError, match="'a' is given twice"):
+        unique_targets([parse_target("a:1,2,3,4"), parse_target("a:5,6,7,8")])
+
+
+def test_a_start_long_before_the_first_event_is_refused_and_a_little_before_is_not():
+    target = parse_target("a:1,2,3,4@1000000000")
+    target.check_start(1_050_000_000)
+    with pytest.raises(TargetError, match="before the first event"):
+        target.check_start(1_200_000_000)
