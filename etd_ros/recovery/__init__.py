@@ -1,0 +1,6 @@
+"""Finds a lost target on the reconstructed images."""
+
+from etd_ros.recovery.interface import Found, RecoveryError, RecoveryTracker
+from etd_ros.recovery.opencv import RecoveryConfig, make_recovery
+
+__all__ = ["Found", "RecoveryConfig", "RecoveryError", "RecoveryTracker", "make_recovery"]
