@@ -1,0 +1,66 @@
+"""Sensor time to ROS time.
+
+Encodings such as evt3 carry the camera's own time, which starts near 0. The offset to ROS time is the header's stamp
+(the host's time of arrival) minus the time of the packet's first event. Arrival jitters, so the first packet's offset is
+kept and moved by an exponential average of the later ones, which also follows the drift between the two clocks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from etd_ros.events import Events
+from msg_adapters.event_message import EventMessage
+from msg_adapters.header import NS_PER_S
+
+
+class SensorClock:
+    """Maps the sensor times of one topic's messages to ROS time; deterministic, a function of the messages alone.
+
+    Where sensor time does not go back from one message to the next, neither does ROS time. The offset is taken anew,
+    and `resets` counts it, when sensor time goes back by more than `jump_s` (a bag loops, a camera restarts) or when
+    arrival and sensor time part by more than that (the sensor's wraps passed unseen while messages were missing).
+
+    Args:
+        gain: share of the difference by which a packet moves the offset.
+        jump_s: the largest step (s) that is taken for jitter.
+    """
+
+    def __init__(self, *, gain: float = 0.01, jump_s: float = 1.0) -> None:
+        self._gain = gain
+        self._jump_ns = round(jump_s * NS_PER_S)
+        self._resets = 0
+        self.reset()
+
+    @property
+    def resets(self) -> int:
+        """How often the offset was taken anew because of a jump; a rise over one call: this message jumped."""
+        return self._resets
+
+    def reset(self) -> None:
+        """Forget the offset: the next message starts a new stream, which is not counted as a jump."""
+        self._offset_ns: int | None = None
+        self._last_sensor_ns = 0
+
+    def to_ros(self, message: EventMessage) -> Events:
+        """The message's events on the ROS clock; as they are where the message has ROS time already."""
+        events = message.events
+        if not message.is_sensor_time or not len(events):
+            return events
+        offset_ns = self._follow(message.stamp_ns, int(events.t[0]))
+        self._last_sensor_ns = int(events.t[-1])
+        return dataclasses.replace(events, t=events.t + offset_ns)
+
+    def _follow(self, stamp_ns: int, first_sensor_ns: int) -> int:
+        measured_ns = stamp_ns - first_sensor_ns
+        last_ns = self._offset_ns
+        if last_ns is None:
+            self._offset_ns = measured_ns
+        elif self._last_sensor_ns - first_sensor_ns > self._jump_ns or abs(measured_ns - last_ns) > self._jump_ns:
+            self._resets += 1
+            self._offset_ns = measured_ns
+        else:
+            # A falling offset may eat up the time that passed between the packets, but no more.
+            passed_ns = max(first_sensor_ns - self._last_sensor_ns, 0)
+            self._offset_ns = last_ns + max(round(self._gain * (measured_ns - last_ns)), -passed_ns)
+        return self._offset_ns

@@ -1,0 +1,124 @@
+"""Encoding `evt21` (EVT 2.1) of Prophesee raw files: 64-bit words, the type in bits 60-63, sensor time in us.
+
+    type  59 .. 54 | 53 .. 43 | 42 .. 32 | 31 .. 0    action
+    0     time low |    x     |    y     |  mask      an Off event at (x + i, y) for each set bit i
+    1     time low |    x     |    y     |  mask      an On event at (x + i, y) for each set bit i
+    8     time high (28 bits, 64 us)     |  -         time of all words that follow
+    A     time low | id (40-44), edge (32) |  -       external trigger
+
+Time is that of evt2: t_us = loop * 2^34 + (time high << 6 | time low). Nothing is emitted before one time high. Other
+types are counted and skipped. Some sensors swap the two 32-bit halves of every word.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from msg_adapters.codecs.words import (
+    DecodedWords,
+    Payload,
+    as_words,
+    event_columns,
+    filled_events,
+    filled_triggers,
+    trigger_columns,
+)
+
+TYPE_SHIFT, TYPE_MASK, OFF, ON, TIME_HIGH, TRIGGER = 60, 0xF, 0x0, 0x1, 0x8, 0xA
+TIME_HIGH_SHIFT, TIME_HIGH_MASK, TIME_HIGH_BITS = 32, 0xFFF_FFFF, 28
+TIME_LOW_SHIFT, TIME_LOW_MASK, TIME_LOW_BITS = 54, 0x3F, 6
+X_SHIFT, Y_SHIFT, COORDINATE_MASK = 43, 32, 0x7FF
+VALID_BITS, VALID_MASK = 32, 0xFFFF_FFFF
+TRIGGER_EDGE_SHIFT, TRIGGER_ID_SHIFT, TRIGGER_ID_MASK = 32, 40, 0x1F
+WRAP_FALL_MIN = 1 << (TIME_HIGH_BITS - 1)
+
+# The state that lasts across payloads: time high with its wraps added (-1 while unknown).
+_HIGH, _STATE_SIZE = 0, 1
+
+
+class Evt21Decoder:
+    """Decodes `evt21`; the time goes on from payload to payload.
+
+    Args:
+        halves_swapped: whether the sensor sends the upper 32 bits of every word first.
+    """
+
+    is_sensor_time: ClassVar[bool] = True
+
+    def __init__(self, *, halves_swapped: bool = False) -> None:
+        self._halves_swapped = halves_swapped
+        self._state = np.full(_STATE_SIZE, -1, np.int64)
+
+    def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
+        """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
+        words = as_words(payload, "<i8")
+        if self._halves_swapped:
+            words = words.view(np.uint32).reshape(-1, 2)[:, ::-1].copy().view(np.int64).ravel()
+        event_capacity, trigger_capacity = _count(words)
+        columns, triggers = event_columns(event_capacity), trigger_columns(trigger_capacity)
+        count, trigger_count, skipped, off_sensor = _decode(words, self._state, width, height, *columns, *triggers)
+        events = filled_events(columns, count, width, height)
+        return DecodedWords(events, filled_triggers(triggers, trigger_count), skipped, off_sensor)
+
+    def reset(self) -> None:
+        """Forget the time."""
+        self._state[:] = -1
+
+
+@njit(cache=True, nogil=True)
+def _count(words):  # type: ignore[no-untyped-def]
+    events, triggers = 0, 0
+    for word in words:
+        kind = (word >> TYPE_SHIFT) & TYPE_MASK
+        if kind in (OFF, ON):
+            for bit in range(VALID_BITS):
+                events += (word >> bit) & 1
+        triggers += kind == TRIGGER
+    return events, triggers
+
+
+@njit(cache=True, nogil=True)
+def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
+    count, trigger_count, skipped, off_sensor = 0, 0, 0, 0
+    high = state[_HIGH]
+    for word in words:
+        kind = (word >> TYPE_SHIFT) & TYPE_MASK
+        low = (word >> TIME_LOW_SHIFT) & TIME_LOW_MASK
+        time_ns = 1000 * (high << TIME_LOW_BITS | low)
+        if kind in (OFF, ON):
+            if high >= 0:
+                base_column = (word >> X_SHIFT) & COORDINATE_MASK
+                row = (word >> Y_SHIFT) & COORDINATE_MASK
+                mask = word & VALID_MASK
+                column = base_column
+                while mask:
+                    if mask & 1:
+                        if column < width and row < height:
+                            t[count] = time_ns
+                            x[count] = column
+                            y[count] = row
+                            p[count] = kind
+                            count += 1
+                        else:
+                            off_sensor += 1
+                    mask >>= 1
+                    column += 1
+        elif kind == TIME_HIGH:
+            value = (word >> TIME_HIGH_SHIFT) & TIME_HIGH_MASK
+            loop = max(high, 0) >> TIME_HIGH_BITS
+            if (high & TIME_HIGH_MASK) - value > WRAP_FALL_MIN and high >= 0:
+                loop += 1
+            high = loop << TIME_HIGH_BITS | value
+        elif kind == TRIGGER:
+            if high >= 0:
+                trigger_t[trigger_count] = time_ns
+                trigger_id[trigger_count] = (word >> TRIGGER_ID_SHIFT) & TRIGGER_ID_MASK
+                trigger_edge[trigger_count] = (word >> TRIGGER_EDGE_SHIFT) & 1
+                trigger_count += 1
+        else:
+            skipped += 1
+    state[_HIGH] = high
+    return count, trigger_count, skipped, off_sensor
