@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -72,17 +73,20 @@ class Aedat4Recording(Recording):
 
     def _packets_of(self, stream: int | None) -> Iterator[dict[str, Any]]:
         decoder = self._translated(self._decoder)
-        while (packet := self._translated(lambda: next(decoder, None))) is not None:
+        while (packet := self._translated(partial(next, decoder, None))) is not None:
             if packet["stream_id"] == stream:
                 yield packet
 
     def _decoder(self) -> Any:
         return aedat.Decoder(str(self.path))
 
-    def _translated(self, read: Any) -> Any:
+    def _translated(self, read: Callable[[], Any]) -> Any:
         try:
             return read()
-        except Exception as err:
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        # The decoder's panics derive from BaseException.
+        except BaseException as err:
             msg = f"{self.path}: truncated or damaged AEDAT4 ({err}): copy the file again"
             raise RecordingError(msg) from err
 

@@ -23,7 +23,7 @@ from etd_ros.recordings.interface import (
 from msg_adapters import EventMessage
 
 DAVIS240_SIZE = (240, 180)
-CHUNK_BYTES = 1 << 20
+CHUNK_BYTES = 1 << 18
 LINE_BYTES_MIN = len("0 0 0 0\n")
 ENCODING = "text"
 FRACTION_DIGITS = 9

@@ -40,7 +40,7 @@ def _open(path: Path, topic: str | None, size: tuple[int, int] | None) -> Record
     if path.is_file() and path.stat().st_size == 0:
         msg = f"{path}: empty: record or copy it again"
         raise RecordingError(msg)
-    suffix = path.suffix.lower()
+    suffix = path.suffix
     if (path.is_dir() and (path / "events.txt").is_file()) or suffix == ".txt":
         from etd_ros.recordings.ecd import EcdRecording
 

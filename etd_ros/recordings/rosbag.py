@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +44,7 @@ class RosBagRecording(Recording):
         self.kind, self.duration_ns, topics = self._read_index()
         self.topic, self.event_type = _choose_events(path, topics, topic)
         self._image_topic = _choose_images(topics, self.topic)
-        with closing(self.packets()) as packets:
-            first = next(packets, None)
+        first = next(self.packets(), None)
         if first is None:
             msg = f"{path}: {self.topic} holds no messages: record while the camera publishes"
             raise RecordingError(msg)
@@ -84,7 +83,7 @@ class RosBagRecording(Recording):
         counts: dict[tuple[str, str], int] = {}
         start_ns, end_ns = [], []
         for part in self._parts:
-            with _translated(self.path, lambda part=part: _open_reader(part)) as reader:
+            with _translated(self.path, partial(_open_reader, part)) as reader:
                 for connection in reader.connections:
                     key = (connection.topic, ros2_type_name(connection.msgtype))
                     counts[key] = counts.get(key, 0) + connection.msgcount
@@ -97,12 +96,12 @@ class RosBagRecording(Recording):
     def _raw(self, topics: set[str]) -> Iterator[RecordedMessage]:
         """Messages of these topics. A reader of its own per iteration, since readers keep one file position."""
         for part in self._parts:
-            with _translated(self.path, lambda part=part: _open_reader(part)) as reader:
+            with _translated(self.path, partial(_open_reader, part)) as reader:
                 wanted = [connection for connection in reader.connections if connection.topic in topics]
                 if not wanted:
                     continue
                 stored = reader.messages(wanted)
-                while (item := _translated(self.path, lambda stored=stored: next(stored, None))) is not None:
+                while (item := _translated(self.path, partial(next, stored, None))) is not None:
                     connection, receive_ns, data = item
                     type_name = ros2_type_name(connection.msgtype)
                     yield RecordedMessage(receive_ns, connection.topic, type_name, self._layout, bytes(data))
