@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections import deque
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.progress import Progress
 
-from etd_ros.commands.progress import with_progress
-from etd_ros.events import Events
 from etd_ros.recordings import Recording, open_recording
+from msg_adapters import EventMessage
 
 NS_PER_S = 1_000_000_000
 UINT64_MASK = (1 << 64) - 1
@@ -80,9 +79,14 @@ class Summary:
         """Time from the first to the last event (s); 0 where time went back."""
         return max(0, self.last_ns - self.first_ns) / NS_PER_S if self.first_ns is not None else 0.0
 
-    def add(self, events: Events) -> None:
-        """Count a message's events."""
+    def add(self, packet: EventMessage) -> None:
+        """Count a message and its events."""
+        events = packet.events
+        self.encoding = self.encoding or packet.encoding
+        self.messages += 1
         self.events += len(events)
+        self.skipped_words += packet.skipped_words
+        self.off_sensor += packet.off_sensor
         if not len(events):
             return
         self.first_ns = int(events.t[0]) if self.first_ns is None else self.first_ns
@@ -100,18 +104,11 @@ def summarise(recording: Recording) -> Summary:
         RecordingError: the recording cannot be read to its end.
     """
     summary = Summary()
-
-    def added() -> Iterator[Events]:
-        for packet in recording.packets():
-            summary.messages += 1
-            summary.encoding = summary.encoding or packet.encoding
-            summary.skipped_words += packet.skipped_words
-            summary.off_sensor += packet.off_sensor
-            summary.add(packet.events)
-            yield packet.events
-
-    with with_progress(added(), "reading") as batches:
-        deque(batches, maxlen=0)
+    count = next((topic.count for topic in recording.topics if topic.name == recording.topic), None)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        for packet in progress.track(recording.packets(), total=count, description=f"reading {recording.path.name}"):
+            summary.add(packet)
     return summary
 
 

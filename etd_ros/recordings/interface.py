@@ -14,8 +14,7 @@ import numpy.typing as npt
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
 from etd_ros.stream import StreamBatch, StreamConfig, StreamGuard
-from msg_adapters import EventMessage, Layout, Triggers
-from msg_adapters.clock import SensorClock
+from msg_adapters import EventMessage, Layout, SensorClock, Triggers
 
 BATCH_DURATION_NS = 10_000_000
 BATCH_EVENTS_MAX = 65_536

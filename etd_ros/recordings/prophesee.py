@@ -9,16 +9,11 @@ from typing import BinaryIO
 
 from etd_ros.events import check_sensor_size
 from etd_ros.recordings.interface import Recording, RecordingError, TopicInfo, file_packets
-from msg_adapters import EventMessage
-from msg_adapters.codecs.evt2 import Evt2Decoder
-from msg_adapters.codecs.evt3 import Evt3Decoder
-from msg_adapters.codecs.evt21 import Evt21Decoder
-from msg_adapters.codecs.words import WordDecoder
+from msg_adapters import EventMessage, Evt2Decoder, Evt3Decoder, Evt21Decoder, WordDecoder
 
 CHUNK_BYTES = 1 << 16
 HEADER_LINE_MAX = 4096
 HEADER_LINES_MAX = 1000
-DECODERS: dict[str, type[WordDecoder]] = {"evt2": Evt2Decoder, "evt21": Evt21Decoder, "evt3": Evt3Decoder}
 WORD_BYTES = {"evt2": 4, "evt21": 8, "evt3": 2}
 ENCODING_BY_NAME = {
     "2.0": "evt2",
@@ -49,6 +44,8 @@ class PropheseeRecording(Recording):
             self._data_start = file.tell()
             has_words = bool(file.read(1))
         self._encoding = _encoding(path, header)
+        # Sensors whose evt2.1 words come with their 32-bit halves swapped say so by this option.
+        self._halves_swapped = _format_options(header).get("endianness") == "legacy"
         self.width, self.height = size or _geometry(path, header)
         check_sensor_size(self.width, self.height)
         if not has_words:
@@ -57,7 +54,7 @@ class PropheseeRecording(Recording):
         self.topics = (TopicInfo("events", self._encoding, encoding=self._encoding),)
 
     def packets(self) -> Iterator[EventMessage]:
-        decoder = DECODERS[self._encoding]()
+        decoder = self._make_decoder()
         word_bytes = WORD_BYTES[self._encoding]
         with self.path.open("rb") as file:
             file.seek(self._data_start)
@@ -74,6 +71,11 @@ class PropheseeRecording(Recording):
                 if whole < len(chunk):
                     msg = f"{self.path}: truncated: it ends inside a word of {word_bytes} bytes: copy the file again"
                     raise RecordingError(msg)
+
+    def _make_decoder(self) -> WordDecoder:
+        if self._encoding == "evt21":
+            return Evt21Decoder(halves_swapped=self._halves_swapped)
+        return Evt2Decoder() if self._encoding == "evt2" else Evt3Decoder()
 
 
 def _read_header(file: BinaryIO) -> dict[str, str]:
@@ -101,8 +103,13 @@ def _encoding(path: Path, header: dict[str, str]) -> str:
     return ENCODING_BY_NAME[name]
 
 
+def _format_options(header: dict[str, str]) -> dict[str, str]:
+    """Options of a line such as `% format EVT21;height=720;width=1280;endianness=legacy`."""
+    return dict(option.partition("=")[::2] for option in header.get("format", "").split(";"))
+
+
 def _geometry(path: Path, header: dict[str, str]) -> tuple[int, int]:
-    options = dict(option.partition("=")[::2] for option in header.get("format", "").split(";"))
+    options = _format_options(header)
     texts = (header.get("geometry", ""), f"{options.get('width')}x{options.get('height')}")
     match = next((match for match in map(GEOMETRY.fullmatch, texts) if match), None)
     if match is None:

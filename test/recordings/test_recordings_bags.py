@@ -22,6 +22,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from etd_ros.events import Events, concatenate
 from etd_ros.recordings import RecordedImage, RecordingError, open_recording
+from etd_ros.stream import Restart
 from msg_adapters import Layout
 
 EVENTS = random_events(1000, start_ns=1_700_000_000_000_000_000)
@@ -123,6 +124,15 @@ def test_iterators_of_one_recording_do_not_disturb_each_other(mcap_bag):
     with open_recording(mcap_bag) as recording:
         for first, second in zip(recording.events(), recording.events(), strict=True):
             assert_same(first, second)
+
+
+def test_streams_restart_where_recorded_messages_are_missing(tmp_path):
+    stored = packets(EVENTS, 100)
+    del stored[4:6]
+    with open_recording(write_ros2_bag(tmp_path / "bag", stored)) as recording:
+        batches = list(recording.streams())
+    assert [batch.restart for batch in batches] == [None] * 4 + [Restart.GAP] + [None] * 3
+    assert_same(concatenate([batch.events for batch in batches[4:]]), EVENTS[600:])
 
 
 def test_several_event_topics_are_listed_and_one_can_be_chosen(tmp_path):

@@ -161,6 +161,12 @@ def test_raw_words_give_their_events(tmp_path, encoding):
     assert np.array_equal(read(path), EVENTS.to_structured())
 
 
+def test_evt21_words_of_legacy_endianness_have_their_halves_swapped(tmp_path):
+    words = evt21_words(EVENTS).view("<u4").reshape(-1, 2)[:, ::-1].copy()
+    path = write_raw(tmp_path / "a.raw", "% format EVT21;height=48;width=64;endianness=legacy\n% end\n", words)
+    assert np.array_equal(read(path), EVENTS.to_structured())
+
+
 @pytest.mark.parametrize("encoding", list(RAW_WORDS))
 def test_a_raw_file_that_ends_inside_a_word_is_truncated(tmp_path, encoding):
     path = write_raw(tmp_path / "a.raw", RAW_HEADERS[encoding], RAW_WORDS[encoding](EVENTS))
