@@ -21,13 +21,11 @@ def with_progress(batches: Iterable[StreamBatch], verb: str) -> Iterator[Iterato
         def counted() -> Iterator[StreamBatch]:
             events, first_ns = 0, None
             for batch in batches:
-                if len(batch):
-                    first_ns = int(batch.t[0]) if first_ns is None else first_ns
-                    events += len(batch)
-                    seconds = (int(batch.t[-1]) - first_ns) / 1e9
-                    progress.update(
-                        task, description=f"{verb}: {events / 1e6:.2f} M events, {seconds:.1f} s of recording"
-                    )
+                times = batch.events.t
+                first_ns = int(times[0]) if first_ns is None else first_ns
+                events += len(times)
+                seconds = (int(times[-1]) - first_ns) / 1e9
+                progress.update(task, description=f"{verb}: {events / 1e6:.2f} M events, {seconds:.1f} s recorded")
                 yield batch
 
         yield counted()

@@ -11,7 +11,7 @@ from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, NodeOptions, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.stream import StreamBatch
-from msg_adapters import EventMessage, decode_header, encode_image
+from msg_adapters import EventMessage, decode_image, encode_image
 
 EARLY_STAMPS_MAX = 1000
 
@@ -62,7 +62,7 @@ class Reconstruction(EtdNode):
 
     def _on_stamp(self, message: bytes) -> None:
         self._stamps += 1
-        stamp_ns = decode_header(message).stamp_ns
+        stamp_ns = decode_image(message).stamp_ns
         if self._reconstruction is None:
             self._early_stamps.append(stamp_ns)
         else:

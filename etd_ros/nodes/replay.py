@@ -68,8 +68,8 @@ def replay_messages(recording: Recording) -> Iterator[ReplayMessage]:
                 data = message.data if message.layout is Layout.ROS2 else _image_to_ros2(message)
                 yield ReplayMessage(message.receive_ns, False, data)
             elif message.topic == recording.topic:
-                native = message.layout is Layout.ROS2 and message.type_name == PACKET_TYPES[0]
-                data = message.data if native else packet_to_ros2(message.data, message.layout)
+                native = message.layout is Layout.ROS2
+                data = message.data if native else packet_to_ros2(message.data)
                 yield ReplayMessage(message.receive_ns, True, data)
         return
     seq = 0

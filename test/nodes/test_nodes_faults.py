@@ -1,6 +1,5 @@
 """What nodes do when something is missing, wrong, or over."""
 
-import os
 import signal
 from pathlib import Path
 
@@ -8,6 +7,8 @@ import pytest
 from event_camera_msgs.msg import EventPacket
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
+
+from conftest import Bench
 
 from etd_ros.boxes import Box
 from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
@@ -18,17 +19,30 @@ REMAP = ("-r", f"~/events:={EVENTS}")
 NODES = ("accumulator", "reconstruction", "tracker", "pipeline")
 
 
+def shared_memory() -> set[str]:
+    return {path.name for path in Path("/dev/shm").iterdir()}
+
+
 @pytest.mark.parametrize("name", NODES)
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_leaves_quietly_when_told_to(bench, name, by):
-    before = set(os.listdir("/dev/shm"))
     bench.start(name)
     bench.wait_until(lambda: name in bench.diagnostics, f"the {name} runs")
-    created = set(os.listdir("/dev/shm")) - before
     assert bench.end(name, by) == 0
     assert "Traceback" not in bench.log(name)
-    assert created, "the node used shared memory, so that its end can be seen there"
-    assert not created & set(os.listdir("/dev/shm")), "nothing of the node stays in shared memory"
+
+
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_nothing_of_a_node_stays_in_shared_memory(tmp_path, by):
+    before = shared_memory()
+    bench = Bench(tmp_path)
+    bench.start("pipeline")
+    bench.wait_until(lambda: "pipeline" in bench.diagnostics, "the pipeline runs")
+    created = shared_memory() - before
+    assert created, "the node uses shared memory, so that its end can be seen there"
+    bench.end("pipeline", by)
+    bench.close()
+    assert not created & shared_memory()
 
 
 def test_an_accumulator_that_waits_names_topic_type_qos_and_provider(bench):
@@ -55,7 +69,7 @@ def test_a_topic_without_events_is_named(bench):
     bench.listen("/accumulator/frames", Image)
     publisher = bench.node.create_publisher(Image, EVENTS, 1)
     bench.start("accumulator", ros=REMAP)
-    bench.wait_until(lambda: "not events" in bench.log("accumulator"), "the accumulator refuses the type")
+    bench.wait_until(lambda: "not events" in bench.log("accumulator"), "the type is refused")
     assert "sensor_msgs/msg/Image" in bench.log("accumulator")
     bench.node.destroy_publisher(publisher)
 
