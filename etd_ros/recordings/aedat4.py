@@ -30,6 +30,8 @@ TIME_MAX_US = (2**63 - 1) // NS_PER_US
 class Aedat4Recording(Recording):
     """The first event stream of an AEDAT4 file, and its first stream of frames.
 
+    Missing and truncated files are errors; bytes changed inside a packet can make the decoder itself end the process.
+
     Raises:
         RecordingError: no AEDAT4 file, or one without events.
     """

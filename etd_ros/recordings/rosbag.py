@@ -14,6 +14,7 @@ from rosbags import rosbag1, rosbag2
 from etd_ros.recordings.interface import RecordedImage, RecordedMessage, Recording, RecordingError, TopicInfo
 from msg_adapters import (
     EVENT_TYPES,
+    IMAGE_TYPE,
     EventMessage,
     Layout,
     MessageError,
@@ -23,7 +24,9 @@ from msg_adapters import (
 )
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
-IMAGE_TYPE = "sensor_msgs/msg/Image"
+SQLITE_MAGIC = b"SQLite format 3\0"
+SQLITE_HEADER_BYTES = 100
+SQLITE_PAGE_MAX = 65_536
 
 
 class RosBagRecording(Recording):
@@ -41,6 +44,8 @@ class RosBagRecording(Recording):
         self.path = path
         self._layout = Layout.ROS1 if path.suffix == ".bag" else Layout.ROS2
         self._parts = _storage_parts(path)
+        for file in path.glob("*.db3") if path.is_dir() else [path]:
+            _check_sqlite_length(file)
         self.kind, self.duration_ns, topics = self._read_index()
         self.topic, self.event_type = _choose_events(path, topics, topic)
         self._image_topic = _choose_images(topics, self.topic)
@@ -168,6 +173,27 @@ def _has_usable_metadata(path: Path) -> bool:
     except (FileNotFoundError, KeyError, TypeError, yaml.YAMLError, UnicodeDecodeError):
         # A recorder that was killed leaves no metadata, or half of it; the storage files speak for themselves.
         return False
+
+
+def _check_sqlite_length(file: Path) -> None:
+    """Refuse a database that is shorter than its header says: SQLite reads the missing end as zeros.
+
+    Raises:
+        RecordingError: the file is truncated.
+    """
+    with file.open("rb") as stored:
+        header = stored.read(SQLITE_HEADER_BYTES)
+    if len(header) < SQLITE_HEADER_BYTES or not header.startswith(SQLITE_MAGIC):
+        return
+    page_bytes = int.from_bytes(header[16:18], "big")
+    pages, pages_changed, changed = header[28:32], header[92:96], header[24:28]
+    # Old writers do not keep the number of pages; it counts only where it was written with the last change.
+    if pages_changed != changed:
+        return
+    announced = int.from_bytes(pages, "big") * (SQLITE_PAGE_MAX if page_bytes == 1 else page_bytes)
+    if file.stat().st_size < announced:
+        msg = f"{file}: truncated or damaged ({file.stat().st_size} of {announced} bytes): {_mend(file)}"
+        raise RecordingError(msg)
 
 
 def _natural_order(file: Path) -> list[tuple[int, str]]:
