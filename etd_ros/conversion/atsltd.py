@@ -6,11 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
 from etd_ros.conversion.accumulator import FrameAccumulator
-from etd_ros.conversion.cells import DURATION_MAX_NS, CellMap, add_events, map_nzge
+from etd_ros.conversion.cells import CHECKS_DTYPE, DURATION_MAX_NS, advance
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE, interval_from_statistics
 from etd_ros.events import Events
@@ -18,12 +16,6 @@ from etd_ros.parameters import ParameterError, Parameters, parameter
 
 PAPER_INTERVAL = tuple(round(bound, 4) for bound in interval_from_statistics(mean=0.08795, std=0.02394, n=100))
 """[alpha, beta] from the paper's 100 sampled frames: (0.0832, 0.0927)."""
-
-CHECKS_AT_STRIDE = 8
-"""Exact checks of a frame at `check_stride` before the distance begins to double."""
-
-ESTIMATE_MARGIN = 1e-9
-"""Above the rounding errors of the estimate's running sum."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +98,7 @@ class AtsltdConverter:
         frame: Frame | None
         i = 0
         while i < len(events):
-            i, reached_nzge = _advance(
+            i, reached_nzge = advance(
                 accumulator.cells,
                 self._checks,
                 *(events.t, events.x, events.y, events.p),
@@ -131,52 +123,3 @@ class AtsltdConverter:
         self._checks["next"][0] = self.config.check_stride
         self._checks["exact_per_bound"][0] = 1.0
         self._checks["failed"][0] = 0
-
-
-CHECKS_DTYPE = np.dtype([("next", "<i8"), ("exact_per_bound", "<f8"), ("failed", "<i8")])
-"""Number of the frame's event at which to check next, exact NZGE by its bound at the last exact check (1 before the
-frame's first), and exact checks that found less than alpha."""
-
-
-@njit(cache=True, nogil=True)
-def _advance(
-    cells: CellMap,
-    checks: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: int,
-    limit_ns: int,
-    alpha: float,
-    per_log_base: float,
-    check_stride: int,
-) -> tuple[int, float]:
-    """Add events to the frame until it reaches alpha, an event comes after limit_ns, or the batch is over.
-
-    Returns:
-        The index of the first event not added, and the NZGE that reached alpha, or 0.
-    """
-    state = cells.state
-    i = first
-    while i < len(t):
-        stop = min(len(t), i + checks[0].next - state[0].events)
-        i = add_events(cells, t, x, y, p, i, stop, limit_ns)
-        if i < stop:
-            return i, 0.0
-        if state[0].events < checks[0].next:
-            continue
-        checks[0].next += check_stride
-        duration_ns = t[i - 1] - state[0].start_ns
-        certain_cells = state[0].touched - state[0].full
-        bound = state[0].entropy / 2 / certain_cells if certain_cells > 0 else 1.0
-        if duration_ns == 0 or bound * checks[0].exact_per_bound < alpha * (1 - ESTIMATE_MARGIN):
-            continue
-        nzge = map_nzge(cells, duration_ns, per_log_base)
-        if nzge >= alpha:
-            return i, nzge
-        checks[0].exact_per_bound = nzge / bound
-        checks[0].failed += 1
-        if checks[0].failed > CHECKS_AT_STRIDE:
-            checks[0].next += check_stride * (2 ** min(checks[0].failed - CHECKS_AT_STRIDE, 30) - 1)
-    return i, 0.0

@@ -7,6 +7,8 @@ Pixels are stored cell by cell, first the On channel of a cell, then its Off cha
 
 so that an entropy or a readout touches only cells with events, each contiguous. A border cell of a sensor that
 cell_size does not divide has slots that no pixel maps to; they stay empty and `pixels` leaves them out.
+
+Kernels that call each other stay in this module: the compiler's cache knows only changes of a kernel's own file.
 """
 
 from __future__ import annotations
@@ -29,6 +31,17 @@ STATE_DTYPE = np.dtype(
 )
 """The frame's start T_{i-1} (ns); its events; cells with an event; groups with an event in every pixel; the sum over
 groups of the entropy that they have if all grey levels are distinct (in units of the log base)."""
+
+
+CHECKS_AT_STRIDE = 8
+"""Exact checks of a frame at `check_stride` before the distance begins to double."""
+
+ESTIMATE_MARGIN = 1e-9
+"""Above the rounding errors of the estimate's running sum."""
+
+CHECKS_DTYPE = np.dtype([("next", "<i8"), ("exact_per_bound", "<f8"), ("failed", "<i8")])
+"""Number of the frame's event at which to check next, exact NZGE by its bound at the last exact check (1 before the
+frame's first), and exact checks that found less than alpha."""
 
 
 class CellMap(NamedTuple):
@@ -111,9 +124,10 @@ def add_events(
     touched, full, entropy = state[0].touched, state[0].full, state[0].entropy
     i = first
     while i < stop and t[i] <= limit_ns:
-        slot = cells.row_slot[y[i]] + cells.column_slot[x[i]] + p[i] * slots
+        channel = 1 - p[i]
+        slot = cells.row_slot[y[i]] + cells.column_slot[x[i]] + channel * slots
         if cells.last[slot] == NO_EVENT:
-            group = cells.row_group[y[i]] + cells.column_group[x[i]] + p[i]
+            group = cells.row_group[y[i]] + cells.column_group[x[i]] + channel
             count = cells.counts[group]
             pixels = cells.pixels[group >> 1]
             touched += count == 0 and cells.counts[group ^ 1] == 0
@@ -128,15 +142,16 @@ def add_events(
 
 
 @njit(cache=True, nogil=True)
-def levels_per_ns(duration_ns: int) -> float:
-    """255 / duration, or 0 for a frame of no duration."""
-    return 255.0 / duration_ns if duration_ns > 0 else 0.0
+def decay(duration_ns: int) -> tuple[float, float]:
+    """Slope (levels / ns) and offset of `grey_level` in a frame of this duration."""
+    return (255.0 / duration_ns, 0.5) if duration_ns > 0 else (0.0, 255.0)
 
 
 @njit(cache=True, nogil=True)
-def grey_level(since_start_ns: int, per_ns: float) -> int:
-    """max(1, round(255 * since_start / duration)) with per_ns = 255 / duration; 255 in a frame of no duration."""
-    return max(1, int(since_start_ns * per_ns + 0.5)) if per_ns > 0 else 255
+def grey_level(since_start_ns: int, slope: float, offset: float) -> int:
+    """max(1, round(255 * since_start / duration)), halves up; 255 in a frame of no duration."""
+    # By way of 32 bits, for which processors have a vector instruction.
+    return max(1, int(np.int32(since_start_ns * slope + offset)))
 
 
 @njit(cache=True, nogil=True)
@@ -146,8 +161,8 @@ def map_nzge(cells: CellMap, duration_ns: int, per_log_base: float) -> float:
     The state holds the entropy for distinct grey levels; what is missing from it is c ln c / m for every c equal ones.
     """
     slots = len(cells.c_log_c) - 1
-    per_ns = levels_per_ns(duration_ns)
-    times = np.empty(slots, np.int32)
+    slope, offset = decay(duration_ns)
+    levels = np.empty(slots + 1, np.int32)
     level_counts = np.zeros(GREY_LEVELS, np.int32)
     missing = 0.0
     zero_cells = 0
@@ -159,54 +174,100 @@ def map_nzge(cells: CellMap, duration_ns: int, per_log_base: float) -> float:
             if events < 2:
                 zero_groups += events == 0 or pixels == 1
                 continue
-            _pack_times(cells.last, group * slots, slots, times)
+            _pack_levels(cells.last[group * slots : (group + 1) * slots], slope, offset, levels)
             c_log_c = 0.0
             for k in range(events):
-                level = grey_level(times[k], per_ns)
-                count = level_counts[level]
-                level_counts[level] = count + 1
+                count = level_counts[levels[k]]
+                level_counts[levels[k]] = count + 1
                 c_log_c += cells.c_log_c[count + 1] - cells.c_log_c[count]
             missing += c_log_c / pixels
-            zero_groups += level_counts[grey_level(times[0], per_ns)] == pixels
+            zero_groups += level_counts[levels[0]] == pixels
             for k in range(events):
-                level_counts[grey_level(times[k], per_ns)] = 0
+                level_counts[levels[k]] = 0
         zero_cells += zero_groups == 2
-    state = cells.state
     not_zero = len(cells.pixels) - zero_cells
-    return (state[0].entropy - missing * per_log_base) / 2 / not_zero if not_zero else 0.0
+    return (cells.state[0].entropy - missing * per_log_base) / 2 / not_zero if not_zero else 0.0
 
 
 @njit(cache=True, nogil=True)
-def _pack_times(last: npt.NDArray[np.int32], first: int, slots: int, times: npt.NDArray[np.int32]) -> None:
-    # Written without a branch, which the processor could not predict: an empty slot is overwritten by the next.
+def _pack_levels(last: npt.NDArray[np.int32], slope: float, offset: float, levels: npt.NDArray[np.int32]) -> None:
+    """Grey levels of the slots with an event, in a row; levels has room for one more than there are slots."""
+    # No branch, as the processor could not predict it: what an empty slot writes is overwritten by the next one.
     k = 0
-    for slot in range(first, first + slots):
-        times[min(k, slots - 1)] = last[slot] if last[slot] != NO_EVENT else times[min(k, slots - 1)]
-        k += last[slot] != NO_EVENT
+    for since_start_ns in last:
+        levels[k] = grey_level(since_start_ns, slope, offset)
+        k += since_start_ns != NO_EVENT
 
 
 @njit(cache=True, nogil=True)
 def read_out(cells: CellMap, duration_ns: int, cell_size: int, data: npt.NDArray[np.uint8]) -> None:
     """Write the frame's grey levels into data, uint8 zeros of shape (height, width, 2), and empty the map."""
+    height, width, _ = data.shape
     slots = cell_size * cell_size
-    columns = (data.shape[1] + cell_size - 1) // cell_size
-    per_ns = levels_per_ns(duration_ns)
+    columns = (width + cell_size - 1) // cell_size
+    slope, offset = decay(duration_ns)
+    levels = np.empty(2 * slots, np.uint8)
     for cell in range(len(cells.pixels)):
         if cells.counts[2 * cell] + cells.counts[2 * cell + 1] == 0:
             continue
         cells.counts[2 * cell : 2 * cell + 2] = 0
+        last = cells.last[2 * cell * slots : 2 * (cell + 1) * slots]
+        for slot in range(2 * slots):
+            level = grey_level(last[slot], slope, offset)
+            levels[slot] = level if last[slot] != NO_EVENT else 0
+        last[:] = NO_EVENT
         top = cell // columns * cell_size
         left = cell % columns * cell_size
-        for y in range(top, min(top + cell_size, data.shape[0])):
-            for x in range(left, min(left + cell_size, data.shape[1])):
-                on = 2 * cell * slots + (y - top) * cell_size + x - left
-                for channel in range(2):
-                    since_start_ns = cells.last[on + channel * slots]
-                    level = grey_level(since_start_ns, per_ns)
-                    data[y, x, channel] = level if since_start_ns != NO_EVENT else 0
-        cells.last[2 * cell * slots : 2 * (cell + 1) * slots] = NO_EVENT
+        for row in range(min(cell_size, height - top)):
+            for column in range(min(cell_size, width - left)):
+                data[top + row, left + column, 0] = levels[row * cell_size + column]
+                data[top + row, left + column, 1] = levels[slots + row * cell_size + column]
     state = cells.state
     state[0].events = 0
     state[0].touched = 0
     state[0].full = 0
     state[0].entropy = 0.0
+
+
+@njit(cache=True, nogil=True)
+def advance(
+    cells: CellMap,
+    checks: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    limit_ns: int,
+    alpha: float,
+    per_log_base: float,
+    check_stride: int,
+) -> tuple[int, float]:
+    """Add events to the frame until it reaches alpha, an event comes after limit_ns, or the batch is over.
+
+    Returns:
+        The index of the first event not added, and the NZGE that reached alpha, or 0.
+    """
+    state = cells.state
+    i = first
+    while i < len(t):
+        stop = min(len(t), i + checks[0].next - state[0].events)
+        i = add_events(cells, t, x, y, p, i, stop, limit_ns)
+        if i < stop:
+            return i, 0.0
+        if state[0].events < checks[0].next:
+            continue
+        checks[0].next += check_stride
+        duration_ns = t[i - 1] - state[0].start_ns
+        certain_cells = state[0].touched - state[0].full
+        bound = state[0].entropy / 2 / certain_cells if certain_cells > 0 else 1.0
+        if duration_ns == 0 or bound * checks[0].exact_per_bound < alpha * (1 - ESTIMATE_MARGIN):
+            continue
+        nzge = map_nzge(cells, duration_ns, per_log_base)
+        if nzge >= alpha:
+            return i, nzge
+        checks[0].exact_per_bound = nzge / bound
+        checks[0].failed += 1
+        if checks[0].failed > CHECKS_AT_STRIDE:
+            checks[0].next += check_stride * (2 ** min(checks[0].failed - CHECKS_AT_STRIDE, 30) - 1)
+    return i, 0.0

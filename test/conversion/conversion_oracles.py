@@ -1,0 +1,137 @@
+"""Slow, literal versions of what the kernels do, and events for the tests."""
+
+from __future__ import annotations
+
+import math
+import os
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Reader
+
+from etd_ros.events import Events
+
+DATA = Path(os.environ.get("ETD_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+DVS_MSGS_RECORD = np.dtype([("x", "<u2"), ("y", "<u2"), ("sec", "<u4"), ("nsec", "<u4"), ("p", "u1")])
+
+
+def make_events(t, x, y, p, width, height):
+    x, y = np.asarray(x, np.uint16), np.asarray(y, np.uint16)
+    return Events(np.asarray(t, np.int64), x, y, np.asarray(p, np.uint8), width, height)
+
+
+def random_events(seed, n, width, height, duration_ns, start_ns=10**18):
+    rng = np.random.default_rng(seed)
+    t = start_ns + np.sort(rng.integers(0, duration_ns, n))
+    return make_events(t, rng.integers(0, width, n), rng.integers(0, height, n), rng.integers(0, 2, n), width, height)
+
+
+def slider_depth_events(messages):
+    """The first messages of slider_depth, whose ROS 1 EventArrays hold packed 13-byte records."""
+    arrays = []
+    with Reader(DATA / "slider_depth" / "slider_depth.bag") as reader:
+        connections = [c for c in reader.connections if c.msgtype == "dvs_msgs/msg/EventArray"]
+        for _, (_, _, raw) in zip(range(messages), reader.messages(connections), strict=False):
+            body = 16 + int.from_bytes(raw[12:16], "little") + 8
+            count = int.from_bytes(raw[body : body + 4], "little")
+            arrays.append(np.frombuffer(raw, DVS_MSGS_RECORD, count, body + 4))
+    array = np.concatenate(arrays)
+    t = array["sec"].astype(np.int64) * 10**9 + array["nsec"]
+    order = np.argsort(t, kind="stable")
+    return make_events(t[order], array["x"][order], array["y"][order], array["p"][order], 240, 180)
+
+
+def closed_form(events, start_ns, stamp_ns):
+    """Frame data from each pixel's last event, in exact arithmetic."""
+    data = np.zeros((events.height, events.width, 2), np.uint8)
+    duration_ns = stamp_ns - start_ns
+    for t, x, y, p in zip(events.t.tolist(), events.x, events.y, events.p, strict=True):
+        level = math.floor(Fraction(255 * (t - start_ns), duration_ns) + Fraction(1, 2)) if duration_ns else 255
+        data[y, x, 1 - p] = max(1, level)
+    return data
+
+
+def histogram_nzge(data, cell_size=4, log_base=256.0):
+    entropies = []
+    for top in range(0, data.shape[0], cell_size):
+        for left in range(0, data.shape[1], cell_size):
+            cell = data[top : top + cell_size, left : left + cell_size]
+            channels = []
+            for channel in (0, 1):
+                counts, _ = np.histogram(cell[:, :, channel], bins=256, range=(0, 256))
+                shares = counts[counts > 0] / counts.sum()
+                channels.append(float(-(shares * np.log(shares)).sum() / np.log(log_base)))
+            entropies.append(sum(channels) / 2)
+    not_zero = [entropy for entropy in entropies if entropy > 1e-12]
+    return sum(not_zero) / len(not_zero) if not_zero else 0.0
+
+
+def distinct_levels_bound(data, cell_size=4, log_base=256.0):
+    """Bound of NZGE: cells as if all grey levels were distinct, over the cells without a full channel in excess."""
+    total, touched, full = 0.0, 0, 0
+    for top in range(0, data.shape[0], cell_size):
+        for left in range(0, data.shape[1], cell_size):
+            cell = data[top : top + cell_size, left : left + cell_size]
+            pixels = cell.shape[0] * cell.shape[1]
+            touched += bool(cell.any())
+            for channel in (0, 1):
+                events = int(np.count_nonzero(cell[:, :, channel]))
+                full += events == pixels
+                zeros = pixels - events
+                total += (events * math.log(pixels) + (zeros * math.log(pixels / zeros) if zeros else 0)) / pixels
+    return total / math.log(log_base) / 2 / (touched - full) if touched > full else 1.0
+
+
+def literal_atsltd(events, *, alpha, max_duration_ns, stride):
+    """Frames as (start, stamp, events, end) by AtsltdConverter's definition, event by event."""
+    frames = []
+    start, first = int(events.t[0]), 0
+    ratio, failed, next_check = 1.0, 0, stride
+    for i, t in enumerate(events.t.tolist()):
+        limit = start + max_duration_ns
+        if t > limit:
+            if i > first:
+                frames.append((start, limit, i - first, "time_limit"))
+            start = t if t > limit + max_duration_ns else limit
+            first, ratio, failed, next_check = i, 1.0, 0, stride
+            # The event may still come after the limit of the frame that it begins.
+            assert t <= start + max_duration_ns
+        if i + 1 - first != next_check:
+            continue
+        next_check += stride
+        if t == start:
+            continue
+        data = closed_form(events[first : i + 1], start, t)
+        bound = distinct_levels_bound(data)
+        if bound * ratio < alpha * (1 - 1e-9):
+            continue
+        exact = histogram_nzge(data)
+        if exact >= alpha:
+            frames.append((start, t, i + 1 - first, "nzge"))
+            start, first, ratio, failed, next_check = t, i + 1, 1.0, 0, stride
+            continue
+        ratio, failed = exact / bound, failed + 1
+        if failed > 8:
+            next_check += stride * (2 ** (failed - 8) - 1)
+    return frames
+
+
+def cut(events, cuts):
+    """The events in batches that end at the given indices."""
+    edges = [0, *sorted(min(c, len(events)) for c in cuts), len(events)]
+    return [events[a:b] for a, b in pairwise(edges)]
+
+
+def frames_of(converter, batches):
+    return [frame for batch in batches for frame in converter.convert(batch)]
+
+
+def assert_same_frames(actual, expected):
+    assert [(f.start_ns, f.stamp_ns, f.events, f.nzge, f.end) for f in actual] == [
+        (f.start_ns, f.stamp_ns, f.events, f.nzge, f.end) for f in expected
+    ]
+    for a, b in zip(actual, expected, strict=True):
+        np.testing.assert_array_equal(a.data, b.data)

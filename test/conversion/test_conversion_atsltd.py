@@ -1,0 +1,194 @@
+import numpy as np
+import pytest
+from conversion_oracles import (
+    assert_same_frames,
+    closed_form,
+    cut,
+    frames_of,
+    histogram_nzge,
+    literal_atsltd,
+    make_events,
+    random_events,
+    slider_depth_events,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from etd_ros.conversion import AtsltdConfig, AtsltdConverter, ConversionError, FrameEnd
+from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.parameters import ParameterError
+
+MS = 1_000_000
+
+
+def summary(frames):
+    return [(f.start_ns, f.stamp_ns, f.events, f.end.value) for f in frames]
+
+
+def frame_at_end(events):
+    """The frame of all events, from the first one's time to the last one's."""
+    accumulator = FrameAccumulator(events.width, events.height)
+    accumulator.accept(events)
+    accumulator.add(events, 0, len(events), int(events.t[-1]))
+    return accumulator.finish(int(events.t[-1]), FrameEnd.NZGE)
+
+
+def recursion(events, *, rounding):
+    """The paper's equation 2, literally, with times relative to the frame's start."""
+    data = np.zeros((events.height, events.width, 2))
+    t = (events.t - events.t[0]).astype(float)
+    for k in range(len(events)):
+        if t[k] > 0:
+            data *= t[k - 1] / t[k]
+        if rounding:
+            data = np.round(data)
+        data[events.y[k], events.x[k], 1 - events.p[k]] = 255
+    return data
+
+
+def test_frame_holds_the_closed_form_with_on_events_in_channel_0():
+    events = random_events(1, 3000, 30, 22, 5 * MS)
+    frame = frame_at_end(events)
+    np.testing.assert_array_equal(frame.data, closed_form(events, frame.start_ns, frame.stamp_ns))
+    assert frame.data.max() == 255
+
+
+@given(st.integers(0, 2**32), st.integers(2, 60), st.integers(1, 2000))
+@settings(deadline=None, max_examples=30)
+def test_recursion_without_rounding_in_between_equals_the_closed_form(seed, n, duration_ns):
+    events = random_events(seed, n, 6, 5, duration_ns)
+    if events.t[0] == events.t[-1]:
+        events.t[-1] += 1
+    data = frame_at_end(events).data.astype(float)
+    literal = recursion(events, rounding=False)
+    held = data > 0
+    # At the very start the recursion gives 0 where a frame says 1: "an event".
+    np.testing.assert_allclose(data[held], np.maximum(literal[held], 1), atol=0.5 + 1e-6)
+    assert not literal[~held].any()
+
+
+@pytest.mark.parametrize(("n", "drift_min", "drift_max"), [(60, 1, 40), (4000, 100, 200)])
+def test_recursion_that_rounds_at_every_event_freezes_and_drifts_with_the_number_of_events(n, drift_min, drift_max):
+    events = random_events(2, n, 40, 30, 20 * MS)
+    drift = np.abs(recursion(events, rounding=True) - frame_at_end(events).data)
+    assert drift_min < drift.max() < drift_max
+
+
+def test_events_at_the_start_do_not_vanish():
+    frame = frame_at_end(make_events([5, 5, 1005], [0, 1, 2], [0, 0, 0], [1, 0, 1], 4, 4))
+    assert frame.data[0].tolist() == [[1, 0], [0, 1], [255, 0], [0, 0]]
+
+
+def test_all_events_of_a_frame_without_duration_are_255():
+    assert set(np.unique(frame_at_end(random_events(3, 50, 8, 8, 1)).data)) == {0, 255}
+
+
+@pytest.mark.parametrize(("width", "height"), [(32, 24), (33, 25), (30, 23), (1, 1), (3, 2)])
+def test_frames_follow_the_definition_event_by_event_on_any_sensor_size(width, height):
+    events = random_events(4, 4000, width, height, 40 * MS)
+    config = AtsltdConfig(check_stride=20, max_duration_s=0.004)
+    frames = frames_of(AtsltdConverter(width, height, config), [events])
+    assert summary(frames) == literal_atsltd(events, alpha=0.0832, max_duration_ns=4 * MS, stride=20)
+    first = 0
+    for frame in frames:
+        assert frame.nzge == pytest.approx(histogram_nzge(frame.data), abs=1e-12)
+        content = events[first : first + frame.events]
+        np.testing.assert_array_equal(frame.data, closed_form(content, frame.start_ns, frame.stamp_ns))
+        first += frame.events
+
+
+def test_frames_of_slider_depth_follow_the_definition():
+    events = slider_depth_events(3)[:16_000]
+    frames = frames_of(AtsltdConverter(240, 180), [events])
+    assert len(frames) >= 2
+    assert summary(frames) == literal_atsltd(events, alpha=0.0832, max_duration_ns=100 * MS, stride=50)
+    for frame in frames:
+        assert 0.0832 <= frame.nzge <= 0.0927
+        assert frame.nzge == pytest.approx(histogram_nzge(frame.data), abs=1e-12)
+
+
+def test_frames_of_slider_depth_do_not_end_later_than_two_strides_after_reaching_alpha():
+    events = slider_depth_events(1)
+    frame = next(AtsltdConverter(240, 180).convert(events))
+    for stop in range(frame.events - 500, frame.events - 99, 50):
+        content = events[:stop]
+        assert histogram_nzge(closed_form(content, frame.start_ns, int(content.t[-1]))) < 0.0832
+
+
+def test_bursts_of_equal_stamps_make_few_levels_and_still_follow_the_definition():
+    events = random_events(5, 5000, 32, 24, 40 * MS)
+    events.t[:] = events.t // (2 * MS) * (2 * MS)
+    frames = frames_of(AtsltdConverter(32, 24, AtsltdConfig(check_stride=5)), [events])
+    assert summary(frames) == literal_atsltd(events, alpha=0.0832, max_duration_ns=100 * MS, stride=5)
+    assert all(frame.stamp_ns > frame.start_ns for frame in frames)
+
+
+@given(st.integers(0, 1000), st.lists(st.integers(0, 1500), max_size=12))
+@settings(deadline=None, max_examples=40)
+def test_frames_do_not_depend_on_batches(seed, cuts):
+    events = random_events(seed, 1500, 18, 13, 30 * MS)
+    config = AtsltdConfig(check_stride=7, max_duration_s=0.003)
+    whole = frames_of(AtsltdConverter(18, 13, config), [events])
+    assert whole
+    assert_same_frames(frames_of(AtsltdConverter(18, 13, config), cut(events, cuts)), whole)
+
+
+def test_time_limit_ends_a_frame_without_the_event_that_comes_after_it():
+    events = make_events([0, 10 * MS, 10 * MS + 1, 15 * MS, 25 * MS], [0, 1, 2, 3, 0], [0] * 5, [1] * 5, 4, 4)
+    frames = frames_of(AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01)), [events])
+    assert summary(frames) == [(0, 10 * MS, 2, "time_limit"), (10 * MS, 20 * MS, 2, "time_limit")]
+    assert frames[0].data[0, 1, 0] == 255
+    assert frames[0].data[0, 2, 0] == 0
+    assert frames[0].nzge == pytest.approx(histogram_nzge(frames[0].data))
+
+
+def test_quiet_gap_makes_no_empty_frames_and_the_next_starts_at_its_event():
+    events = make_events([0, 1000 * MS, 1005 * MS, 1011 * MS], [0, 1, 2, 3], [0] * 4, [0] * 4, 4, 4)
+    frames = frames_of(AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01)), [events])
+    assert summary(frames) == [(0, 10 * MS, 1, "time_limit"), (1000 * MS, 1010 * MS, 2, "time_limit")]
+
+
+def test_reset_starts_a_new_stream_even_back_in_time():
+    events = random_events(6, 2000, 16, 16, 10 * MS)
+    converter = AtsltdConverter(16, 16)
+    fresh = frames_of(converter, [events])
+    converter.reset()
+    assert_same_frames(frames_of(converter, [events]), fresh)
+
+
+def test_overshoots_are_counted():
+    converter = AtsltdConverter(16, 16, AtsltdConfig(nzge_interval=(0.05, 0.0501), check_stride=100))
+    frames = frames_of(converter, [random_events(7, 2000, 16, 16, 10 * MS)])
+    assert converter.overshoots == sum(frame.nzge > 0.0501 for frame in frames) > 0
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        (make_events([0], [0], [0], [1], 9, 8), "9x8 sensor came to a 8x8"),
+        (make_events([0], [8], [0], [1], 8, 8), r"\(8, 0\)"),
+        (make_events([0], [0], [8], [1], 8, 8), r"\(0, 8\)"),
+        (make_events([0], [0], [0], [2], 8, 8), "polarity of 2"),
+        (make_events([5, 4], [0, 0], [0, 0], [1, 1], 8, 8), "goes back"),
+        (make_events([-(2**63), 2**63 - 1], [0, 0], [0, 0], [1, 1], 8, 8), "impossible"),
+    ],
+)
+def test_events_that_do_not_fit_are_refused_before_anything_is_done(events, message):
+    with pytest.raises(ConversionError, match=message):
+        AtsltdConverter(8, 8).convert(events)
+
+
+def test_batch_that_goes_back_in_time_is_refused():
+    converter = AtsltdConverter(8, 8)
+    list(converter.convert(make_events([100], [0], [0], [1], 8, 8)))
+    with pytest.raises(ConversionError, match="from 100 to 99 ns"):
+        converter.convert(make_events([99], [0], [0], [1], 8, 8))
+
+
+def test_empty_interval_is_refused():
+    with pytest.raises(ParameterError, match="alpha <= beta"):
+        AtsltdConfig(nzge_interval=(0.1, 0.09))
+
+
+def test_default_interval_is_the_papers():
+    assert AtsltdConfig().nzge_interval == (0.0832, 0.0927)

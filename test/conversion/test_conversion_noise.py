@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from conversion_oracles import cut, make_events, random_events
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from etd_ros.conversion import BackgroundActivityFilter, ConversionError, NoiseFilterConfig
+
+US = 1000
+WINDOW = NoiseFilterConfig(window_s=100e-6)
+
+
+def literal_filter(events, window_ns):
+    last = {}
+    keep = []
+    for t, x, y in zip(events.t.tolist(), events.x.tolist(), events.y.tolist(), strict=True):
+        neighbours = [(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)]
+        keep.append(any(t - last[n] <= window_ns for n in neighbours if n in last))
+        last[x, y] = t
+    return np.array(keep, bool)
+
+
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 400), max_size=8))
+@settings(deadline=None, max_examples=40)
+def test_filter_passes_what_a_neighbour_supports_however_the_events_are_cut(seed, cuts):
+    events = random_events(seed, 400, 12, 9, 4000 * US)
+    noise_filter = BackgroundActivityFilter(12, 9, WINDOW)
+    passed = np.concatenate([noise_filter.filter(batch).to_structured() for batch in cut(events, cuts)])
+    keep = literal_filter(events, 100 * US)
+    assert keep.any()
+    assert not keep.all()
+    np.testing.assert_array_equal(passed, events.to_structured()[keep])
+
+
+def test_window_includes_its_end_and_a_pixel_does_not_support_itself():
+    events = make_events([0, 100 * US, 200 * US + 1, 200 * US + 2], [3, 4, 3, 3], [2, 2, 2, 2], [1, 0, 1, 1], 8, 8)
+    assert BackgroundActivityFilter(8, 8, WINDOW).filter(events).t.tolist() == [100 * US]
+
+
+def test_corners_of_the_sensor_are_neighbours_of_nothing_beyond():
+    events = make_events([0, 1, 2, 3], [0, 7, 0, 7], [0, 0, 7, 7], [1] * 4, 8, 8)
+    assert len(BackgroundActivityFilter(8, 8, WINDOW).filter(events)) == 0
+
+
+def test_filter_without_a_window_is_off():
+    events = random_events(0, 50, 8, 8, 1000)
+    assert BackgroundActivityFilter(8, 8).filter(events) is events
+
+
+def test_reset_forgets_the_neighbours():
+    first, second = make_events([0], [3], [3], [1], 8, 8), make_events([1], [4], [3], [1], 8, 8)
+    noise_filter = BackgroundActivityFilter(8, 8, WINDOW)
+    noise_filter.filter(first)
+    assert len(noise_filter.filter(second)) == 1
+    noise_filter.reset()
+    assert len(noise_filter.filter(second[:0])) == 0
+    assert len(noise_filter.filter(second)) == 0
+
+
+def test_events_of_another_sensor_are_refused():
+    with pytest.raises(ConversionError, match="4x4 sensor came to a 8x8"):
+        BackgroundActivityFilter(8, 8, WINDOW).filter(make_events([0], [0], [0], [1], 4, 4))
