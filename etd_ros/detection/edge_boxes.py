@@ -221,7 +221,7 @@ def refit(boxes: npt.NDArray[np.int64], events: npt.NDArray[np.uint8]) -> npt.ND
     for i in range(len(boxes)):
         left, right = max(boxes[i, 0], 0), min(boxes[i, 0] + boxes[i, 2], width)
         top, bottom = max(boxes[i, 1], 0), min(boxes[i, 1] + boxes[i, 3], height)
-        first_x, last_x, first_y, last_y = right, left - 1, bottom, top - 1
+        first_x, last_x, first_y, last_y = width, -1, height, -1
         for y in range(top, bottom):
             for x in range(left, right):
                 if events[y, x]:

@@ -123,6 +123,12 @@ class Target:
         self._config = config
         self._detector = detector
         self._recovery_factory = recovery_factory
+        self._state: TargetState
+        self._last_box: Box
+        self._recovery: RecoveryTracker | None
+        self._frames_since_remembered: int
+        self._failed_at_ns: int
+        self._frames_since_search: int
         self._wait_for_start()
 
     @property
@@ -167,12 +173,12 @@ class Target:
             self._failed_at_ns = stamp_ns
 
     def _wait_for_start(self) -> None:
-        self._state: TargetState = TargetState.IDLE
-        self._last_box: Box = self.start_box
-        self._recovery: RecoveryTracker | None = self._recovery_factory() if self._recovery_factory else None
-        self._frames_since_remembered: int = self._config.remember_interval
-        self._failed_at_ns: int = 0
-        self._frames_since_search: int = 0
+        self._state = TargetState.IDLE
+        self._last_box = self.start_box
+        self._recovery = self._recovery_factory() if self._recovery_factory else None
+        self._frames_since_remembered = self._config.remember_interval
+        self._failed_at_ns = 0
+        self._frames_since_search = 0
 
     def _track(self, frame_data: FrameData) -> float | None:
         """Move to the candidate with the largest IoU with the last box; that IoU, or None for a failure."""
