@@ -15,11 +15,20 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.parameters import Parameters, parameter
-from etd_ros.recovery.appearance import Exemplar, GreyImage, correlation, correlation_map, crop, cut_window
+from etd_ros.recovery.appearance import (
+    PATCH_SIDE_MAX,
+    Exemplar,
+    GreyImage,
+    correlation,
+    correlation_map,
+    crop,
+    cut_window,
+)
 from etd_ros.recovery.interface import Found, RecoveryError, RecoveryTracker
 
 EXEMPLARS_MAX = 4
-CANDIDATE_MARGIN = 0.15
+CSRT_SCALES = 9
+CANDIDATE_MARGIN = 0.05
 """A place may look this much worse than `score_min` before the tracker has put the box right."""
 
 
@@ -114,9 +123,16 @@ def _tracker_maker(config: RecoveryConfig) -> Callable[[], Any]:
             f">= {kind.since} (pip: opencv-contrib-python-headless; Ubuntu: python3-opencv), or choose another tracker"
         )
         raise RecoveryError(msg)
-    if not kind.files:
+    if config.tracker == "kcf":
         return create  # type: ignore[no-any-return]
     parameters = getattr(cv2, f"{kind.class_name}_Params")()
+    if config.tracker == "csrt":
+        # Its defaults enlarge every target to 200 pixels and segment it by colour; an exemplar is grey, and has no
+        # more than PATCH_SIDE_MAX pixels a side to show.
+        parameters.template_size = float(PATCH_SIDE_MAX)
+        parameters.number_of_scales = CSRT_SCALES
+        parameters.use_segmentation = False
+        return lambda: create(parameters)
     for attribute, name in kind.files:
         setattr(parameters, attribute, str(_model_file(config, name)))
     try:
@@ -211,7 +227,10 @@ class OpenCvRecovery:
         places = [place for exemplar in self._exemplars if (place := self._likeliest(image, region, exemplar))]
         if not places:
             return None
-        found = self._settle(max(places, key=lambda place: place.score))
+        likeliest = max(places, key=lambda place: place.score)
+        if not self._plausible(likeliest.on_sensor(likeliest.box), last_box, image):
+            return None
+        found = self._settle(likeliest)
         if found.score < self._config.score_min or not self._plausible(found.box, last_box, image):
             return None
         return found
