@@ -6,13 +6,13 @@ import argparse
 import json
 import sys
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.recordings import Recording, open_recording
 from msg_adapters import EventMessage
 
@@ -23,23 +23,10 @@ UINT64_MASK = (1 << 64) - 1
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("info", help="what a recording holds", description=__doc__)
-    parser.add_argument("recording", type=Path, help="bag, .mcap, .db3, AEDAT4, .raw, events.txt or its folder")
-    parser.add_argument("--topic", help="event topic, where a bag has several")
-    parser.add_argument(
-        "--size", type=parse_size, metavar="WIDTHxHEIGHT", help="sensor size, for text and raw files that do not tell"
-    )
+    add_recording_options(parser)
     parser.add_argument("--checksums", action="store_true", help="also sums of times, coordinates and On events")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of lines")
     parser.set_defaults(run=run)
-
-
-def parse_size(text: str) -> tuple[int, int]:
-    """(width, height) from `WIDTHxHEIGHT`, for argparse."""
-    width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        msg = f"{text!r} is not WIDTHxHEIGHT, as in 640x480"
-        raise argparse.ArgumentTypeError(msg)
-    return int(width), int(height)
 
 
 def run(options: argparse.Namespace) -> int:

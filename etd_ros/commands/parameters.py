@@ -47,7 +47,7 @@ def parameter_yaml() -> str:
 
 def _yaml_value(value: Any) -> str:
     plain = list(value) if isinstance(value, tuple) else value
-    return yaml.safe_dump(plain, default_flow_style=True).removesuffix("\n...\n").strip()
+    return str(yaml.safe_dump(plain, default_flow_style=True)).removesuffix("\n...\n").strip()
 
 
 def _default(value: Any) -> str:

@@ -15,7 +15,8 @@ from etd_ros.stream import StreamBatch
 def with_progress(batches: Iterable[StreamBatch], verb: str) -> Iterator[Iterator[StreamBatch]]:
     """The same batches, counted on a progress line while they are taken."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(verb)
 
         def counted() -> Iterator[StreamBatch]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.errors import EtdError
 
 
@@ -21,8 +21,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options, shared with `ros2 run etd_ros replay`."""
-    parser.add_argument("recording", type=Path, help="bag, .mcap, .db3, AEDAT4, .raw, events.txt or its folder")
-    parser.add_argument("--topic", help="event topic, where a bag has several")
+    add_recording_options(parser)
     parser.add_argument("--rate", type=float, default=1.0, help="1 is the recorded pace, 2 twice as fast (default: 1)")
     parser.add_argument("--loop", action="store_true", help="start again at the end, until interrupted")
     parser.add_argument("--clock", action="store_true", help="publish the recording's time on /clock")

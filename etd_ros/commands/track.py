@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from etd_ros.overlay import VideoWriter, draw_overlay
 
 from etd_ros.commands.progress import with_progress
+from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.engine import track as track_streams
 from etd_ros.evaluation import TracksWriter
+from etd_ros.overlay import VideoWriter, draw_overlay
 from etd_ros.parameters import ParameterError
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
@@ -26,14 +27,13 @@ VIDEO_FPS = 30.0
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("track", help="track targets through a recording", description=__doc__)
-    parser.add_argument("recording", type=Path, help="bag, .mcap, .db3, AEDAT4, .raw, events.txt or its folder")
+    add_recording_options(parser)
     parser.add_argument("--targets", type=Path, metavar="BOXES.csv", help="targets start at the first row of each name")
     parser.add_argument(
         "--target", action="append", default=[], metavar="NAME:X,Y,W,H[@STAMP_NS]", help="a target (may be repeated)"
     )
     parser.add_argument("--output", type=Path, required=True, metavar="TRACKS.csv", help="where the boxes go")
     parser.add_argument("--method", default="etd", help=f"one of {', '.join(METHODS)} (default: %(default)s)")
-    parser.add_argument("--topic", help="event topic, where a bag has several")
     parser.add_argument("--video", type=Path, metavar="V.mp4", help="also write a video of frames, boxes and states")
     parser.add_argument(
         "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         msg = "nothing to track: give --targets BOXES.csv or --target NAME:X,Y,W,H@STAMP_NS"
         raise TargetError(msg)
     with ExitStack() as stack:
-        recording = stack.enter_context(open_recording(options.recording, topic=options.topic))
+        recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(VideoWriter(options.video, VIDEO_FPS)) if options.video else None
         batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))

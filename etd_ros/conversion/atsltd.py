@@ -47,16 +47,18 @@ class AtsltdConverter:
     """Events to ATSLTD frames; a `Converter`.
 
     A frame starts at T_{i-1}, the end of the last one (the stream's first event starts the first). It ends with its
-    k-th event, T_i = t_k, k the first check point with NZGE >= alpha (exact, of the frame as it would be read out
-    then) and t_k > T_{i-1}. Check points are the multiples of check_stride, counted from the frame's first event, so
-    that batches do not matter. Only the ninth and later exact checks of one frame are further apart, each gap twice
-    the last: a frame whose NZGE stays just below alpha (one flash of the whole sensor) costs no more than a few
-    readouts. So a frame ends at most check_stride events late, or, in that rare case, as many events as came since its
-    first exact check.
+    k-th event, T_i = t_k, at the first check that finds NZGE >= alpha (exact, of the frame as it would be read out
+    then) and t_k > T_{i-1}. Checks lie on the multiples of check_stride, counted from the frame's first event, so that
+    batches do not matter, and are left out where they cannot or will hardly succeed:
 
-    An exact check is made only where an upper bound reaches alpha: no cell has more entropy than with distinct grey
-    levels (paper equation 4), which a table gives from the number of its event pixels, and a cell has entropy for
-    certain while none of its channels is full. So the bound saves time and never changes a frame.
+    - Before a frame's first check, where an upper bound of NZGE is below alpha: no cell has more entropy than with
+      distinct grey levels (paper equation 4), which a table gives from the number of its event pixels.
+    - After a check that found less than alpha, where the bound, scaled by the ratio of exact value to bound found
+      there, is below alpha. That is a prediction; where the ratio falls, the frame ends some strides later.
+    - From the ninth check of one frame on the distance doubles: a frame whose NZGE stays just below alpha (one flash
+      of the whole sensor) costs no more than a few readouts.
+
+    So the first check is at most check_stride events late; slider_depth's frames need one failed check or none.
 
     If an event comes later than max_duration_s after the frame's start, the frame ends there without it
     (`FrameEnd.TIME_LIMIT`).

@@ -6,7 +6,7 @@ import argparse
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ class ReplayMessage:
     data: bytes
 
 
-def replay_messages(recording: Recording) -> Iterator[ReplayMessage]:
+def replay_messages(recording: Recording) -> Generator[ReplayMessage, None, None]:
     """The recording as serialised ROS 2 messages, in the order of their time.
 
     Event packets keep their encoding and their bytes; all other events are sent as EventPackets of encoding
@@ -108,7 +108,7 @@ class Replay(Node):
         topic = recording.topic if recording.topic.startswith("/") else EVENT_TOPIC
         self._events = self.create_publisher(EventPacket, topic, EVENT_QOS)
         self._images = self.create_publisher(Image, f"{topic.rpartition('/')[0]}/image_raw", FRAME_QOS)
-        self._clock = self.create_publisher(Clock, "/clock", 10) if clock else None
+        self._clock_publisher = self.create_publisher(Clock, "/clock", 10) if clock else None
         self._clock_ns = 0
 
     def wait_for_subscribers(self, number: int) -> None:
@@ -142,15 +142,15 @@ class Replay(Node):
             now_ns = start_ns + int((time.monotonic() - start_s) * 1e9 * self._rate)
             if now_ns >= due_ns:
                 return
-            pause_ns = min(due_ns - now_ns, CLOCK_PERIOD_NS) if self._clock else due_ns - now_ns
+            pause_ns = min(due_ns - now_ns, CLOCK_PERIOD_NS) if self._clock_publisher else due_ns - now_ns
             self.stopped.wait(pause_ns / 1e9 / self._rate)
             self._publish_clock(min(due_ns, now_ns + pause_ns))
 
     def _publish_clock(self, now_ns: int) -> None:
         is_news = now_ns >= self._clock_ns + CLOCK_PERIOD_NS or now_ns < self._clock_ns
-        if self._clock is not None and is_news and not self.stopped.is_set():
+        if self._clock_publisher is not None and is_news and not self.stopped.is_set():
             self._clock_ns = now_ns
-            self._clock.publish(Clock(clock=Time(sec=now_ns // 10**9, nanosec=now_ns % 10**9)))
+            self._clock_publisher.publish(Clock(clock=Time(sec=now_ns // 10**9, nanosec=now_ns % 10**9)))
 
 
 def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
@@ -162,7 +162,7 @@ def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> 
     if not 0 < options.rate <= 1000:
         msg = f"--rate {options.rate:g} is out of range (0, 1000]: 1 is the recorded pace"
         raise ReplayError(msg)
-    with open_recording(options.recording, topic=options.topic) as recording:
+    with open_recording(options.recording, topic=options.topic, size=options.size) as recording:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.ALL)
         node = Replay(recording, rate=options.rate, clock=options.clock)
         try:
@@ -178,7 +178,8 @@ def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> 
 
 def _play_with_progress(node: Replay, recording: Recording, loop: bool) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         rounds = 0
         while not node.stopped.is_set() and (loop or rounds == 0):
             rounds += 1

@@ -52,9 +52,7 @@ class TargetInput:
         self._targets = {target.name: target for target in _from_options(node.options)}
         self._new: list[TargetStart] = []
         self._unnamed = 0
-        self._subscription = node.create_subscription(
-            Detection2DArray, "~/targets", lambda data: node.worker.submit(self._on_targets, data), FRAME_QOS, raw=True
-        )
+        self._subscription = node.create_subscription(Detection2DArray, "~/targets", self._receive, FRAME_QOS, raw=True)
 
     def __len__(self) -> int:
         return len(self._targets)
@@ -79,6 +77,9 @@ class TargetInput:
         except EtdError as err:
             self._targets.pop(target.name, None)
             self._node.count_error(err)
+
+    def _receive(self, message: bytes) -> None:
+        self._node.worker.submit(self._on_targets, message)
 
     def _on_targets(self, message: bytes) -> None:
         decoded = decode_detections(message)

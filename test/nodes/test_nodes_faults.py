@@ -4,11 +4,10 @@ import signal
 from pathlib import Path
 
 import pytest
+from conftest import Bench
 from event_camera_msgs.msg import EventPacket
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
-
-from conftest import Bench
 
 from etd_ros.boxes import Box
 from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
