@@ -42,7 +42,7 @@ class RecoveryConfig(Parameters):
         choices=("csrt", "kcf", "nano", "vit", "dasiamrpn"),
     )
     score_min: float = parameter(
-        0.6,
+        0.75,
         "smallest correlation with the remembered target that counts as found: lower finds sooner, and wrong ones",
         low=0.0,
         high=1.0,

@@ -44,7 +44,7 @@ def after_a_loss(image: np.ndarray, box: Box, *, remembered: int = 50, **options
 def assert_near(found: Found | None, box: Box, *, pixels: float = 2.0) -> None:
     assert found is not None
     np.testing.assert_allclose(found.box, box, atol=pixels)
-    assert 0.6 <= found.score <= 1.0
+    assert 0.75 <= found.score <= 1.0
 
 
 @pytest.mark.parametrize("name", ["csrt", "kcf"])
@@ -167,7 +167,7 @@ def test_any_box_is_survived_and_what_is_found_lies_on_the_image(x, y, w, h, see
         column, row = found.box.center
         assert 0 <= column < 64
         assert 0 <= row < 48
-        assert 0.6 <= found.score <= 1.0
+        assert 0.75 <= found.score <= 1.0
 
 
 def test_images_that_are_not_grey_are_refused():
