@@ -1,0 +1,51 @@
+"""BOXES.csv: labelled boxes, `target,stamp_ns,x,y,w,h`."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from etd_ros.boxes import Box
+from etd_ros.evaluation.table import EvaluationError, read_rows, written_beside
+
+COLUMNS = ("target", "stamp_ns", "x", "y", "w", "h")
+
+
+@dataclass(frozen=True, slots=True)
+class TimedBox:
+    """A target's box at a time: stamp (ns) and box (pixels)."""
+
+    stamp_ns: int
+    box: Box
+
+
+def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
+    """Labelled boxes of each target in order of time; targets in order of their first line.
+
+    Raises:
+        EvaluationError: the file cannot be read, holds no box, or a line is wrong; names file, line and cure.
+    """
+    boxes: dict[str, list[TimedBox]] = {}
+    for row in read_rows(path, COLUMNS):
+        boxes.setdefault(row.name(), []).append(TimedBox(row.stamp_ns(), row.box()))
+    if not boxes:
+        msg = f"{path}: holds no box: give a line target,stamp_ns,x,y,w,h for each labelled time"
+        raise EvaluationError(msg)
+    for rows in boxes.values():
+        rows.sort(key=lambda row: row.stamp_ns)
+    return boxes
+
+
+def write_boxes(path: Path, boxes: Mapping[str, Iterable[TimedBox]]) -> None:
+    """Write labelled boxes to 1/1000 of a pixel, target by target.
+
+    Raises:
+        EvaluationError: the file cannot be written.
+    """
+    with written_beside(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for target, rows in boxes.items():
+            writer.writerows((target, row.stamp_ns, *(f"{value:.3f}" for value in row.box)) for row in rows)
