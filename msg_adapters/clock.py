@@ -1,7 +1,7 @@
 """Sensor time to ROS time.
 
 Encodings such as evt3 carry the camera's own time, which starts near 0. The offset to ROS time is the header's stamp
-(the host's time of arrival) minus the time of the packet's first event. Arrival jitters, so the first packet's offset is
+(the host's time of arrival) minus the time of the packet's first event. Arrival jitters: the first packet's offset is
 kept and moved by an exponential average of the later ones, which also follows the drift between the two clocks.
 """
 

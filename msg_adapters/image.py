@@ -87,7 +87,7 @@ def encode_image(data: npt.NDArray[Any], *, stamp_ns: int, frame_id: str, encodi
         encoding: meaning of the channels; by default mono8, 8UC2, bgr8 or mono16, by shape and type.
 
     Raises:
-        MessageError: no encoding for this array, or another one than its shape and type ask for.
+        MessageError: no encoding for this array, another one than its shape and type ask for, or no pixels.
     """
     channels = data.shape[2] if data.ndim == 3 else 1
     kind = (data.dtype.name, channels)
@@ -99,6 +99,7 @@ def encode_image(data: npt.NDArray[Any], *, stamp_ns: int, frame_id: str, encodi
         )
         raise MessageError(msg)
     height, width = data.shape[:2]
+    checked_size(width, height)
     writer = Writer()
     write_header(writer, Header(stamp_ns, frame_id))
     writer.u32(height)
