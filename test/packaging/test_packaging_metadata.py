@@ -1,0 +1,55 @@
+"""package.xml, setup.py and the change log agree with each other and with the code."""
+
+import ast
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
+PYTHON_MODULES = {"numba", "numpy", "rich", "scipy"}
+WITHOUT_ROSDEP_KEY = {"aedat"}
+OWN = {"etd_ros", "msg_adapters"}
+
+
+def rosdep_key(module: str) -> str:
+    return f"python3-{module}" if module in PYTHON_MODULES else ROSDEP_KEYS.get(module, module)
+
+
+def imported_modules(folders: list[Path]) -> set[str]:
+    modules = set()
+    for path in (path for folder in folders for path in folder.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                modules |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                modules.add(node.module.split(".")[0])
+    return modules - set(sys.stdlib_module_names) - OWN - WITHOUT_ROSDEP_KEY
+
+
+def test_package_xml_names_everything_that_the_code_imports(repository: Path) -> None:
+    root = ElementTree.parse(repository / "package.xml").getroot()
+    declared = {element.text for tag in ("depend", "exec_depend") for element in root.findall(tag)}
+    imported = imported_modules([repository / name for name in ("etd_ros", "msg_adapters", "launch")])
+    assert {rosdep_key(module) for module in imported} <= declared
+
+
+def test_one_version_everywhere(repository: Path) -> None:
+    command = [sys.executable, "setup.py", "--version"]
+    built = subprocess.run(command, cwd=repository, check=True, capture_output=True, text=True).stdout.split()[-1]
+    assert ElementTree.parse(repository / "package.xml").getroot().findtext("version") == built
+    assert (
+        f"Forthcoming\n{'-' * 11}" in (repository / "CHANGELOG.rst").read_text()
+        or built in (repository / "CHANGELOG.rst").read_text()
+    )
+
+
+def test_the_requirements_admit_the_versions_of_ubuntu_24_04(repository: Path) -> None:
+    platform = {"numpy": (1, 26), "opencv-contrib-python-headless": (4, 6), "scipy": (1, 11), "PyYAML": (6, 0)}
+    text = (repository / "scripts" / "requirements-runtime.txt").read_text()
+    bounds = {
+        name: tuple(map(int, bound.split("."))) for name, bound in re.findall(r"^([\w-]+)>=([\d.]+)$", text, re.M)
+    }
+    for name, version in platform.items():
+        assert bounds[name] <= version, name
