@@ -15,6 +15,7 @@ Offsets (bytes) of event k's fields from the first byte after the count:
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from msg_adapters.codecs import Triggers
@@ -73,14 +74,15 @@ class EventArrayDecoder:
         """Nothing to forget."""
 
 
+# Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.
 @njit(inline="always")
 def _u16(body, at):  # type: ignore[no-untyped-def]
-    return body[at] | body[at + 1] << 8
+    return np.int64(body[at]) | np.int64(body[at + 1]) << 8
 
 
 @njit(inline="always")
 def _u32(body, at):  # type: ignore[no-untyped-def]
-    return body[at] | body[at + 1] << 8 | body[at + 2] << 16 | body[at + 3] << 24
+    return _u16(body, at) | _u16(body, at + 2) << 16
 
 
 @njit(cache=True, nogil=True)
