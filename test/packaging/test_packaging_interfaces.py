@@ -24,7 +24,8 @@ RELEASED_TYPE_HASHES = {
 def test_an_installed_message_has_the_type_hash_of_the_released_one(name: str) -> None:
     package, message = name.split("/")
     spec = find_spec(package)
-    assert spec is not None and spec.origin is not None, f"{package} is not installed: run make setup"
+    assert spec is not None, f"{package} is not installed: run make setup"
+    assert spec.origin is not None
     # PREFIX/lib/pythonX.Y/site-packages/PACKAGE/__init__.py
     prefix = Path(spec.origin).parents[4]
     description = json.loads((prefix / "share" / package / "msg" / f"{message}.json").read_text())

@@ -12,7 +12,8 @@ import pytest
 @pytest.fixture(scope="module")
 def set_up(repository: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location("set_up", repository / "scripts" / "set_up.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules["set_up"] = module
     spec.loader.exec_module(module)
@@ -35,7 +36,8 @@ def test_a_step_is_done_once_until_what_it_depends_on_changes(set_up: ModuleType
 
 def test_a_step_that_failed_is_tried_again(set_up: ModuleType, environment) -> None:
     def fail() -> None:
-        raise set_up.SetUpError("no network")
+        msg = "no network"
+        raise set_up.SetUpError(msg)
 
     done: list[str] = []
     set_up.once(environment, "step", "old", lambda: None)
