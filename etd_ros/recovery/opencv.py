@@ -51,10 +51,10 @@ class RecoveryConfig(Parameters):
         5.0, "smallest standard deviation of a target's pixels (grey levels): less is not compared", low=0.1, high=127.0
     )
     size_ratio_max: float = parameter(
-        1.6, "largest ratio, either way, of the found width or height to the lost one", low=1.0, high=10.0
+        1.6, "largest ratio, either way, of the found width or height to the remembered one", low=1.0, high=10.0
     )
     search_scale: float = parameter(
-        3.0, "width and height of the first search region, in those of the last box", low=1.0, high=100.0
+        3.0, "width and height of the first search region, in those of the remembered target", low=1.0, high=100.0
     )
     search_growth: float = parameter(
         0.1, "what a search without success adds to the scale of the search region", low=0.0, high=100.0
@@ -222,18 +222,27 @@ class OpenCvRecovery:
         """
         _check_image(image)
         scale = self._config.search_scale + self._config.search_growth * self._searches
-        region = last_box.scaled(min(scale, max(self._config.search_scale_max, self._config.search_scale)))
+        region = self._remembered_size(last_box).scaled(
+            min(scale, max(self._config.search_scale_max, self._config.search_scale))
+        )
         self._searches += 1
         places = [place for exemplar in self._exemplars if (place := self._likeliest(image, region, exemplar))]
         if not places:
             return None
         likeliest = max(places, key=lambda place: place.score)
-        if not self._plausible(likeliest.on_sensor(likeliest.box), last_box, image):
-            return None
         found = self._settle(likeliest)
-        if found.score < self._config.score_min or not self._plausible(found.box, last_box, image):
+        if found.score < self._config.score_min or not self._plausible(found.box, likeliest.exemplar, image):
             return None
         return found
+
+    def _remembered_size(self, last_box: Box) -> Box:
+        """The largest remembered size round the last box's centre: a box that fails has often shrunk or grown, as
+        on the last sliver of a target that moves behind something."""
+        if not self._exemplars:
+            return last_box
+        w, h = max((exemplar.size for exemplar in self._exemplars), key=lambda size: size[0] * size[1])
+        column, row = last_box.center
+        return Box(column - w / 2, row - h / 2, w, h)
 
     def _likeliest(self, image: GreyImage, region: Box, exemplar: Exemplar) -> _Place | None:
         window, corner = cut_window(image, region, exemplar.scale)
@@ -276,8 +285,8 @@ class OpenCvRecovery:
         patch = cv2.resize(crop(window, *box.center, size), (columns, rows), interpolation=cv2.INTER_LINEAR)
         return correlation(exemplar.patch, np.asarray(patch, np.uint8), self._config.texture_min)
 
-    def _plausible(self, box: Box, last_box: Box, image: GreyImage) -> bool:
-        ratios = box.w / last_box.w, box.h / last_box.h
+    def _plausible(self, box: Box, exemplar: Exemplar, image: GreyImage) -> bool:
+        ratios = box.w / exemplar.size[0], box.h / exemplar.size[1]
         if max(*ratios, *(1 / ratio for ratio in ratios)) > self._config.size_ratio_max:
             return False
         column, row = box.center

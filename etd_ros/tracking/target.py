@@ -61,12 +61,6 @@ class TrackerConfig(Parameters):
         low=0.0,
         high=1.0,
     )
-    remember_interval: int = parameter(
-        10,
-        "Tracked frames between two views of the target for the recovery tracker. Fewer follow changes, and drift.",
-        low=1,
-        high=100_000,
-    )
     recovering_max_s: float = parameter(
         2.0, "How long every image is searched for a target after a failure (s); then it is lost.", low=0.0, high=3600.0
     )
@@ -126,7 +120,6 @@ class Target:
         self._state: TargetState
         self._last_box: Box
         self._recovery: RecoveryTracker | None
-        self._frames_since_remembered: int
         self._failed_at_ns: int
         self._frames_since_search: int
         self._wait_for_start()
@@ -149,17 +142,16 @@ class Target:
             frame_data: uint8, shape (height, width, 2).
             image: uint8, shape (height, width), or None: nothing is searched or remembered on this frame.
         """
-        if self._state is TargetState.IDLE:
+        starts = self._state is TargetState.IDLE
+        if starts:
             if stamp_ns < self.start_stamp_ns:
                 return self._report(0.0)
             self._state = TargetState.TRACKING
-            if image is not None:
-                self._remember(image)
+            self._remember(image)
         if self._state is TargetState.TRACKING:
             overlap = self._track(frame_data)
             if overlap is not None:
-                self._frames_since_remembered += 1
-                if image is not None and self._frames_since_remembered >= self._config.remember_interval:
+                if not starts:
                     self._remember(image)
                 return self._report(overlap)
             self._fail(stamp_ns)
@@ -176,7 +168,6 @@ class Target:
         self._state = TargetState.IDLE
         self._last_box = self.start_box
         self._recovery = self._recovery_factory() if self._recovery_factory else None
-        self._frames_since_remembered = self._config.remember_interval
         self._failed_at_ns = 0
         self._frames_since_search = 0
 
@@ -220,10 +211,9 @@ class Target:
         self._last_box = found.box
         return found.score
 
-    def _remember(self, image: FrameData) -> None:
-        if self._recovery is not None:
+    def _remember(self, image: FrameData | None) -> None:
+        if self._recovery is not None and image is not None:
             self._recovery.remember(image, self._last_box)
-            self._frames_since_remembered = 0
 
     def _report(self, score: float) -> TargetReport:
         box = self._last_box if self._state is TargetState.TRACKING else None

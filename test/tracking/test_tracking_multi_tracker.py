@@ -161,13 +161,13 @@ def test_frames_without_an_image_are_not_searched():
     assert recovery.remembered == []
 
 
-def test_the_recovery_tracker_sees_the_start_and_every_so_many_th_tracked_frame():
+def test_the_recovery_tracker_sees_the_start_and_every_tracked_frame():
     recovery = ListedRecovery()
-    tracker = tracker_with(recovery, remember_interval=4)
+    tracker = tracker_with(recovery)
     tracker.start("a", A, stamp(1))
     for step in range(10):
         tracker.update(stamp(step), frame_with(A), IMAGE)
-    assert recovery.remembered == [A, A, A]
+    assert recovery.remembered == [A] * 9
 
 
 def test_each_target_has_a_recovery_tracker_of_its_own():
