@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from etd_ros.commands import demo, info, parameters, replay, track
+from etd_ros.commands import demo, info, parameters, replay, simulate, track
 from etd_ros.errors import EtdError
 
 EXIT_BAD_INPUT = 2
@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command. Bad input is one line on standard error and exit code 2."""
     parser = argparse.ArgumentParser(prog="etd_ros", description="Bounding boxes from event cameras.")
     subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (info, track, replay, demo, parameters):
+    for command in (info, track, replay, simulate, demo, parameters):
         command.add(subparsers)
     options = parser.parse_args(arguments)
     try:

@@ -122,7 +122,8 @@ def _rows(path: Path, file: TextIO, columns: Sequence[str]) -> Iterator[Row]:
                 continue
             row = Row(path, reader.line_num, dict(zip(header, cells, strict=False)))
             if len(cells) != len(header):
-                raise row.error(f"has {len(cells)} cells, not {len(header)}: give {','.join(header)}")
+                msg = f"has {len(cells)} cells, not {len(header)}: give {','.join(header)}"
+                raise row.error(msg)
             yield row
     except csv.Error as err:
         msg = f"{path}, line {reader.line_num}: is not CSV ({err}): give {','.join(columns)}"

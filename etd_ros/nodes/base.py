@@ -11,11 +11,14 @@ from typing import Any, TypeVar
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.worker import Worker
@@ -93,12 +96,17 @@ class EtdNode(Node):
         self.worker = Worker(f"{name}_worker", int(self.options.queue_mib * 2**20), self._on_worker_error)
         self._inputs: list[Input] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._diagnostics_timer = self.create_timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
-        self._waiting_timer = self.create_timer(WARNING_PERIOD_S, self._say_what_is_missing)
+        self._diagnostics_timer = self.every(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self._waiting_timer = self.every(WARNING_PERIOD_S, self._say_what_is_missing)
 
     def add_input(self, needed: Input) -> None:
         """Name a need, so that the node can say what it waits for."""
         self._inputs.append(needed)
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
+        """A timer on the machine's clock: with use_sim_time a ROS timer would stand still until /clock runs, and
+        a replay that waits for this node would wait forever."""
+        return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def warn(self, text: str) -> None:
         """A warning, at most every few seconds from one place."""

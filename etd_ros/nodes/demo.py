@@ -22,15 +22,17 @@ from rich.table import Table
 
 from etd_ros.errors import EtdError
 from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read_tracks, score
-from etd_ros.nodes.bag_recorder import BagRecorder
+from etd_ros.nodes.interface_definitions import interface_definitions
 from etd_ros.nodes.monitor import EVENTS, FRAMES, Monitor, TrackedFrame
 from etd_ros.overlay import VideoWriter, draw_overlay
+from etd_ros.recordings.bag_writer import BagWriter
 
 READY_TIMEOUT_S = 60.0
 IDLE_END_S = 3.0
 STOP_TIMEOUT_S = 10.0
-VIDEO_FPS = 30.0
+VIDEO_FPS = 60.0
 DOMAIN_ID_MAX = 100
+RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 NODES = ("accumulator", "reconstruction", "tracker")
 
 
@@ -103,7 +105,7 @@ def run(recording: Path, truth: Path, output: Path, rate: float) -> int:
     with ExitStack() as stack:
         signal.signal(signal.SIGTERM, _interrupt)
         processes = stack.enter_context(Processes(output / "logs"))
-        recorder = stack.enter_context(BagRecorder(output / "bag"))
+        recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))
         tracks = stack.enter_context(TracksWriter(output / "tracks.csv"))
         video = stack.enter_context(VideoWriter(output / "overlay.mp4", VIDEO_FPS))
 
@@ -164,9 +166,7 @@ def _wait(
 
 
 @contextmanager
-def _monitor(
-    recorder: BagRecorder, take: Callable[[TrackedFrame], None]
-) -> Iterator[tuple[Monitor, Callable[[], None]]]:
+def _monitor(recorder: BagWriter, take: Callable[[TrackedFrame], None]) -> Iterator[tuple[Monitor, Callable[[], None]]]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     monitor = Monitor(recorder, take)
     executor = SingleThreadedExecutor()

@@ -61,7 +61,7 @@ class EventInput:
         self._decoding: EventDecoding | None = None
         self._received = 0
         self._refused_types: set[str] = set()
-        self._timer = node.create_timer(POLL_PERIOD_S, self._poll)
+        self._timer = node.every(POLL_PERIOD_S, self._poll)
         node.add_input(
             Input(
                 topic=self._topic,

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.boxes import Box
-from etd_ros.nodes.bag_recorder import BagRecorder
 from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from etd_ros.recordings.bag_writer import BagWriter
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import Layout, decode_detections, decode_diagnostics, decode_image
 
@@ -66,7 +66,7 @@ class TrackedFrame:
 class Monitor(Node):
     """Calls `on_frame` for each frame whose boxes and states have come."""
 
-    def __init__(self, recorder: BagRecorder, on_frame: Callable[[TrackedFrame], None]) -> None:
+    def __init__(self, recorder: BagWriter, on_frame: Callable[[TrackedFrame], None]) -> None:
         super().__init__("monitor")
         self.figures = Figures()
         self._recorder = recorder

@@ -90,7 +90,7 @@ class Tracker(EtdNode):
             )
             self._name_input(self._images.topic_name, "images", "start `ros2 run etd_ros reconstruction`")
         self._reset = self.create_service(Trigger, "~/reset", self._on_reset)
-        self._flush_timer = self.create_timer(FLUSH_PERIOD_S, self._flush)
+        self._flush_timer = self.every(FLUSH_PERIOD_S, self._flush)
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
