@@ -15,6 +15,17 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_replay_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `replay` takes, on the command line and as `ros2 run etd_ros replay`."""
+    add_recording_options(parser)
+    parser.add_argument("--rate", type=float, default=1.0, help="1 is the recorded pace, 2 twice as fast (default: 1)")
+    parser.add_argument("--loop", action="store_true", help="start again at the end, until interrupted")
+    parser.add_argument("--clock", action="store_true", help="publish the recording's time on /clock")
+    parser.add_argument(
+        "--wait-for", type=int, default=1, metavar="N", help="wait for N subscribers of the events (default: 1)"
+    )
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """(width, height) from `WIDTHxHEIGHT`, for argparse."""
     width, _, height = text.partition("x")

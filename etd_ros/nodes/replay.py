@@ -22,7 +22,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
-from etd_ros.commands.replay import add_arguments
+from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
 from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
@@ -197,7 +197,7 @@ def _play_with_progress(node: Replay, recording: Recording, loop: bool) -> None:
 def main() -> int:
     """Entry point of `ros2 run etd_ros replay`."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
-    add_arguments(parser)
+    add_replay_options(parser)
     try:
         return run(parser.parse_args(remove_ros_args(sys.argv)[1:]), sys.argv)
     except EtdError as err:
