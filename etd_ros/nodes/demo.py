@@ -23,8 +23,10 @@ from rich.table import Table
 from etd_ros.errors import EtdError
 from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read_tracks, score
 from etd_ros.nodes.interface_definitions import interface_definitions
-from etd_ros.nodes.monitor import EVENTS, FRAMES, Monitor, TrackedFrame
+from etd_ros.nodes.monitor import EVENTS, Monitor
+from etd_ros.nodes.recorded_tracks import FRAMES, recorded_tracks
 from etd_ros.overlay import VideoWriter, draw_overlay
+from etd_ros.recordings import open_recording
 from etd_ros.recordings.bag_writer import BagWriter
 
 READY_TIMEOUT_S = 60.0
@@ -100,30 +102,39 @@ def run(recording: Path, truth: Path, output: Path, rate: float) -> int:
         EtdError: something is missing, or a process failed.
     """
     boxes = read_boxes(truth)
-    output = _fresh_folder(output)
+    with open_recording(recording):
+        output = _fresh_folder(output)
+    _play_and_record(recording, truth, output, rate)
+    _write_results(output)
+    _say_results(output, score(read_tracks(output / "tracks.csv"), boxes))
+    return 0
+
+
+def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) -> None:
+    """Run the processes from the first node's start to the last box, recording everything."""
     _use_own_domain()
     with ExitStack() as stack:
         signal.signal(signal.SIGTERM, _interrupt)
         processes = stack.enter_context(Processes(output / "logs"))
         recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))
-        tracks = stack.enter_context(TracksWriter(output / "tracks.csv"))
-        video = stack.enter_context(VideoWriter(output / "overlay.mp4", VIDEO_FPS))
-
-        def take(tracked: TrackedFrame) -> None:
-            tracks.write_reports(tracked.stamp_ns, tracked.reports)
-            video.write(draw_overlay(tracked.frame, tracked.reports, image=tracked.image, stamp_ns=tracked.stamp_ns))
-
-        monitor, spin_once = stack.enter_context(_monitor(recorder, take))
+        monitor, spin_once = stack.enter_context(_monitor(recorder))
         _start_nodes(processes, truth)
-        live = stack.enter_context(Live(console=Console(), refresh_per_second=4))
-        _wait(processes, monitor, spin_once, live, lambda: _ready(monitor), "the three nodes to find each other")
+        stack.enter_context(Live(get_renderable=lambda: _table(monitor), console=Console(), refresh_per_second=4))
+        _wait(processes, spin_once, lambda: _ready(monitor), "the three nodes to find each other")
         processes.start("replay", [str(recording), "--rate", str(rate), "--clock", "--wait-for", "3"])
         while processes.running("replay") or not _finished(monitor):
             spin_once()
             processes.check()
-            live.update(_table(monitor))
-    _say_results(output, score(read_tracks(output / "tracks.csv"), boxes))
-    return 0
+
+
+def _write_results(output: Path) -> None:
+    """Tracks and video from the bag: drawing while the nodes run would take their time, and lose messages."""
+    with TracksWriter(output / "tracks.csv") as tracks, VideoWriter(output / "overlay.mp4", VIDEO_FPS) as video:
+        for tracked in recorded_tracks(output / "bag"):
+            tracks.write_reports(tracked.stamp_ns, tracked.reports)
+            if tracked.frame is not None:
+                picture = draw_overlay(tracked.frame, tracked.reports, image=tracked.image, stamp_ns=tracked.stamp_ns)
+                video.write(picture)
 
 
 def _start_nodes(processes: Processes, truth: Path) -> None:
@@ -149,9 +160,7 @@ def _finished(monitor: Monitor) -> bool:
 
 def _wait(
     processes: Processes,
-    monitor: Monitor,
     spin_once: Callable[[], None],
-    live: Live,
     condition: Callable[[], bool],
     what: str,
 ) -> None:
@@ -162,13 +171,12 @@ def _wait(
             raise DemoError(msg)
         spin_once()
         processes.check()
-        live.update(_table(monitor))
 
 
 @contextmanager
-def _monitor(recorder: BagWriter, take: Callable[[TrackedFrame], None]) -> Iterator[tuple[Monitor, Callable[[], None]]]:
+def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    monitor = Monitor(recorder, take)
+    monitor = Monitor(recorder)
     executor = SingleThreadedExecutor()
     executor.add_node(monitor)
     try:

@@ -1,43 +1,35 @@
-"""Listens to the nodes: records what they publish, joins boxes and states into tracks, and keeps the figures."""
+"""Listens to the nodes: records what they publish and keeps the figures of the live table."""
 
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
 from event_camera_msgs.msg import EventPacket
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.boxes import Box
-from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.recorded_tracks import DETECTIONS, FRAMES, IMAGES, STATUS
 from etd_ros.recordings.bag_writer import BagWriter
-from etd_ros.tracking import TargetReport, TargetState
-from msg_adapters import Layout, decode_detections, decode_diagnostics, decode_image
+from msg_adapters import decode_diagnostics
 
 EVENTS = "/event_camera/events"
-FRAMES = "/accumulator/frames"
-IMAGES = "/reconstruction/image_raw"
-DETECTIONS = "/tracker/detections"
-STATUS = "/tracker/status"
 DIAGNOSTICS = "/diagnostics"
-PENDING_MAX = 256
 RATE_PERIOD_S = 1.0
 
-
-@dataclass(slots=True)
-class _Pending:
-    frame: npt.NDArray[np.uint8] | None = None
-    image: npt.NDArray[np.uint8] | None = None
-    boxes: dict[str, Box] | None = None
-    states: dict[str, tuple[str, float]] | None = None
+RECORDER_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=2000,
+)
+"""Deeper than the nodes' own: on a busy machine a recorder falls behind for seconds, and must lose nothing."""
 
 
 @dataclass(slots=True)
@@ -53,33 +45,21 @@ class Figures:
     """Messages per second of each topic, over the last second."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrackedFrame:
-    """Everything that belongs to one stamp."""
-
-    stamp_ns: int
-    frame: npt.NDArray[np.uint8]
-    image: npt.NDArray[np.uint8] | None
-    reports: tuple[TargetReport, ...]
-
-
 class Monitor(Node):
-    """Calls `on_frame` for each frame whose boxes and states have come."""
+    """Records every topic of the demo; only states and diagnostics are looked into, the rest stays bytes."""
 
-    def __init__(self, recorder: BagWriter, on_frame: Callable[[TrackedFrame], None]) -> None:
+    def __init__(self, recorder: BagWriter) -> None:
         super().__init__("monitor")
         self.figures = Figures()
         self._recorder = recorder
-        self._on_frame = on_frame
-        self._pending: OrderedDict[int, _Pending] = OrderedDict()
         self._rate_timer = self.create_timer(RATE_PERIOD_S, self._update_rates)
         self._counted: dict[str, int] = {}
         self._listeners = [
             self._listen(EVENTS, EventPacket, reliable=False),
             self._listen("/clock", Clock, reliable=False),
-            self._listen(FRAMES, Image, self._take_frame),
-            self._listen(IMAGES, Image, self._take_image),
-            self._listen(DETECTIONS, Detection2DArray, self._take_detections),
+            self._listen(FRAMES, Image),
+            self._listen(IMAGES, Image),
+            self._listen(DETECTIONS, Detection2DArray),
             self._listen(STATUS, DiagnosticArray, self._take_status),
             self._listen(DIAGNOSTICS, DiagnosticArray, self._take_diagnostics),
         ]
@@ -104,7 +84,7 @@ class Monitor(Node):
                 take(message)
 
         return self.create_subscription(
-            message_class, topic, on_message, FRAME_QOS if reliable else EVENT_QOS, raw=True
+            message_class, topic, on_message, RECORDER_QOS if reliable else EVENT_QOS, raw=True
         )
 
     def _update_rates(self) -> None:
@@ -114,45 +94,10 @@ class Monitor(Node):
         }
         self._counted = counts
 
-    def _at(self, stamp_ns: int) -> _Pending:
-        pending = self._pending.setdefault(stamp_ns, _Pending())
-        while len(self._pending) > PENDING_MAX:
-            self._pending.popitem(last=False)
-        return pending
-
-    def _take_frame(self, message: bytes) -> None:
-        frame = decode_image(message, Layout.ROS2)
-        self._at(frame.stamp_ns).frame = frame.data
-        self._hand_on(frame.stamp_ns)
-
-    def _take_image(self, message: bytes) -> None:
-        image = decode_image(message, Layout.ROS2)
-        self._at(image.stamp_ns).image = image.data
-
-    def _take_detections(self, message: bytes) -> None:
-        decoded = decode_detections(message)
-        self._at(decoded.stamp_ns).boxes = {item.id: item.box for item in decoded.detections}
-        self._hand_on(decoded.stamp_ns)
-
     def _take_status(self, message: bytes) -> None:
-        decoded = decode_diagnostics(message)
-        values = [dict(status.values) for status in decoded.statuses]
-        states = {value["target"]: (value["state"], float(value["score"])) for value in values}
-        self._at(decoded.stamp_ns).states = states
-        self.figures.states = {name: state for name, (state, _) in states.items()}
-        self._hand_on(decoded.stamp_ns)
+        values = [dict(status.values) for status in decode_diagnostics(message).statuses]
+        self.figures.states = {value["target"]: value["state"] for value in values}
 
     def _take_diagnostics(self, message: bytes) -> None:
         for status in decode_diagnostics(message).statuses:
             self.figures.diagnostics[status.name] = dict(status.values)
-
-    def _hand_on(self, stamp_ns: int) -> None:
-        pending = self._pending[stamp_ns]
-        if pending.frame is None or pending.boxes is None or pending.states is None:
-            return
-        reports = tuple(
-            TargetReport(name, TargetState(state), pending.boxes.get(name), score)
-            for name, (state, score) in pending.states.items()
-        )
-        self._on_frame(TrackedFrame(stamp_ns, pending.frame, pending.image, reports))
-        del self._pending[stamp_ns]
