@@ -25,6 +25,7 @@ from etd_ros.nodes.worker import Worker
 from etd_ros.parameters import Description, Parameters, from_mapping, parameter
 from etd_ros.parameters import described as described_options
 from etd_ros.settings import Settings, described_settings, settings_from_mapping
+from etd_ros.warm_up import warm_up
 from msg_adapters import DiagnosticStatus, Level, encode_diagnostics
 
 EVENT_QOS = QoSProfile(
@@ -93,6 +94,8 @@ class EtdNode(Node):
         self.errors = 0
         self.settings = self._declare_settings(stages)
         self.options: Any = from_mapping(options, self._declare(described_options(options)))
+        # Before anything is subscribed: a node that compiles while events come falls behind before it has begun.
+        warm_up()
         self.worker = Worker(f"{name}_worker", int(self.options.queue_mib * 2**20), self._on_worker_error)
         self._inputs: list[Input] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)

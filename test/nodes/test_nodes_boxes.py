@@ -46,7 +46,7 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
     bench.listen("/tracker/status", DiagnosticArray)
     bench.start("accumulator", ros=remap)
     bench.start("reconstruction", ros=remap)
-    bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", f"method:={method}"))
+    bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", f"method:={method}", "-p", "image_wait_s:=30.0"))
     linked = {"accumulator": "2", "reconstruction": "1" if method == "etd" else "0"}
     bench.wait_until(
         lambda: (
