@@ -1,7 +1,7 @@
 """Set-up of the checkout: `python3 scripts/set_up.py`, or `make setup`. Uses nothing but the standard library.
 
-Four steps, each skipped while the digest of what it depends on equals the stamp that it left in .venv/.set_up:
-the virtual environment, the requirements, the interface packages, and etd_ros itself (editable).
+Five steps, each skipped while the digest of what it depends on equals the stamp that it left in .venv/.set_up:
+the virtual environment, the requirements, the interface packages, etd_ros itself (editable), and its compiled kernels.
 
 Without ROS, the environment holds ROS 2 Jazzy as wheels. With a sourced ROS 2 Jazzy, it sees the packages of the
 system (--system-site-packages) and gets only what ROS and the system do not bring.
@@ -112,16 +112,19 @@ def run(command: Sequence[str | Path], variables: dict[str, str], failure: str) 
 
 
 def sees_sourced_ros() -> bool:
-    """Whether this shell has sourced a ROS 2 Jazzy with rclpy; another distribution raises SetUpError."""
+    """Whether this shell has sourced a ROS 2 Jazzy; one that cannot be used raises SetUpError."""
     distro = os.environ.get("ROS_DISTRO")
-    if not distro:
-        return False
-    variables = {name: value for name, value in os.environ.items() if name not in INHERITED_FROM_ANOTHER_PYTHON}
-    probe = [getattr(sys, "_base_executable", sys.executable), "-c", "import rclpy"]
-    if subprocess.run(probe, env=variables, capture_output=True).returncode != 0:
+    if not distro or not os.environ.get("AMENT_PREFIX_PATH"):
         return False
     if distro != ROS_DISTRO:
         msg = f"this shell has sourced ROS 2 {distro}: source {ROS_DISTRO} instead, or open a shell without any"
+        raise SetUpError(msg)
+    variables = {name: value for name, value in os.environ.items() if name not in INHERITED_FROM_ANOTHER_PYTHON}
+    if subprocess.run([sys.executable, "-c", "import rclpy"], env=variables, capture_output=True).returncode != 0:
+        msg = (
+            f"this shell has sourced ROS 2 {distro}, but rclpy does not import in {sys.executable}: "
+            "name ROS's Python (`make setup PYTHON=/usr/bin/python3`), or open a shell without ROS"
+        )
         raise SetUpError(msg)
     return True
 
@@ -271,8 +274,8 @@ def compile_kernels(environment: Environment) -> None:
     print("set-up: compiling kernels", flush=True)
     bag = REPOSITORY / "bags" / "demo"
     tracks = environment.stamps / "kernels.csv"
-    command = [environment.python, "-m", "etd_ros", "track", bag, "--targets", bag / "boxes.csv", "--output", tracks]
-    run(command, environment.variables(), "the bundled recording could not be tracked")
+    command: list[str | Path] = [environment.python, "-m", "etd_ros", "track", bag, "--targets", bag / "boxes.csv"]
+    run([*command, "--output", tracks], environment.variables(), "the bundled recording could not be tracked")
 
 
 @contextmanager
