@@ -13,6 +13,7 @@ from etd_ros.reconstruction.high_pass import HighPassFilter, ReconstructionError
 
 HELD_BYTES_MAX = 64 << 20
 REQUESTS_MAX = 1 << 16
+REQUESTS_AHEAD_MAX = 8
 
 
 class SynchronisedReconstruction:
@@ -23,9 +24,14 @@ class SynchronisedReconstruction:
     Events are held back until a stamp is known; `held_bytes_max` bounds that, the oldest events being
     integrated early.
 
+    A stamp below the last one asked for is the first of a new stream (a bag loops): the stamps that still wait are
+    given up. On two topics the stamps may step back before the events do; then the new ones wait for `reset`, so that
+    no image of the old stream goes out under them. Neither a stamp of the old stream that comes after the reset nor a
+    reset that never comes stops the images for longer than a few stamps.
+
     Attributes:
         integrated_early: number of events integrated before a stamp was known, because the bound was reached.
-        requests_dropped: number of stamps given up because too many waited for events.
+        requests_dropped: number of stamps given up because too many waited for events, or time went back.
     """
 
     def __init__(self, high_pass: HighPassFilter, *, held_bytes_max: int = HELD_BYTES_MAX) -> None:
@@ -37,6 +43,7 @@ class SynchronisedReconstruction:
         self._held_bytes = 0
         self._requests: deque[int] = deque()
         self._last_request_ns: int | None = None
+        self._is_ahead_of_reset = False
         self._seen_ns: int | None = None
 
     @property
@@ -61,31 +68,27 @@ class SynchronisedReconstruction:
         self._held.append(events)
         self._held_bytes += _size(events)
         self._seen_ns = int(events.t[-1])
-        # With a stamp waiting, `ready` uses the events up; they are only too many when nobody asks.
-        while not self._requests and self._held_bytes > self._held_bytes_max:
+        while self._held_bytes > self._held_bytes_max and not self._is_using_held():
             self.integrated_early += len(self._held[0])
             self._integrate_first(len(self._held[0]))
 
     def request(self, stamp_ns: int) -> None:
-        """Ask for the image at a stamp (ns).
-
-        Raises:
-            ReconstructionError: the stamp lies before the last one asked for.
-        """
+        """Ask for the image at a stamp (ns)."""
         if self._last_request_ns is not None and stamp_ns < self._last_request_ns:
-            msg = (
-                f"image stamp {stamp_ns} ns is before the last one, {self._last_request_ns} ns: reset for a new stream"
-            )
-            raise ReconstructionError(msg)
+            # A stamp that still waits is one of the old stream that came after the reset: no other reset will come.
+            self._is_ahead_of_reset = self._is_ahead_of_reset or not self._requests
+            self._drop_requests()
         self._last_request_ns = stamp_ns
         self._requests.append(stamp_ns)
         if len(self._requests) > REQUESTS_MAX:
             self._requests.popleft()
             self.requests_dropped += 1
+        if len(self._requests) > REQUESTS_AHEAD_MAX:
+            self._is_ahead_of_reset = False
 
     def ready(self) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
         """The (stamp, image) pairs asked for whose events have all been seen; images are uint8, shape (h, w)."""
-        while self._requests:
+        while self._requests and not self._is_ahead_of_reset:
             stamp_ns = self._requests[0]
             self._integrate_before(stamp_ns)
             if self._seen_ns is None or self._seen_ns < stamp_ns:
@@ -94,13 +97,26 @@ class SynchronisedReconstruction:
             yield stamp_ns, self._filter.image(stamp_ns)
 
     def reset(self) -> None:
-        """Forget events, stamps and the filter's state: the next events start a new stream."""
+        """Forget events, stamps and the filter's state: the next events start a new stream.
+
+        Stamps that have stepped back already are the new stream's, and stay.
+        """
         self._held.clear()
         self._held_bytes = 0
-        self._requests.clear()
-        self._last_request_ns = None
+        if not self._is_ahead_of_reset:
+            self._drop_requests()
+            self._last_request_ns = None
+        self._is_ahead_of_reset = False
         self._seen_ns = None
         self._filter.reset()
+
+    def _drop_requests(self) -> None:
+        self.requests_dropped += len(self._requests)
+        self._requests.clear()
+
+    def _is_using_held(self) -> bool:
+        """Whether `ready` integrates the oldest events, since a stamp after them waits."""
+        return bool(self._requests) and not self._is_ahead_of_reset and self._requests[0] > self._held[0].t[0]
 
     def _integrate_before(self, stamp_ns: int) -> None:
         while self._held:
