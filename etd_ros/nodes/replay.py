@@ -35,6 +35,7 @@ PACKET_TYPES = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/Event
 PACKET_DURATION_NS = 10_000_000
 CLOCK_PERIOD_NS = 5_000_000
 SUBSCRIBER_POLL_S = 0.05
+LINGER_S = 0.5
 
 
 class ReplayError(EtdError):
@@ -168,6 +169,8 @@ def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> 
         try:
             node.wait_for_subscribers(options.wait_for)
             _play_with_progress(node, recording, options.loop)
+            # Best-effort messages lie in this process' shared memory until they are read: the last ones would be lost.
+            node.stopped.wait(LINGER_S)
         except KeyboardInterrupt:
             return 0
         finally:
