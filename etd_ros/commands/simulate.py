@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 from rich.progress import Progress
@@ -19,6 +21,7 @@ from msg_adapters import encode_event_packet
 SCENES: dict[str, Callable[[int], Scene]] = {"demo": demo_scene}
 TOPIC = "/event_camera/events"
 FRAME_ID = "event_camera"
+TRUTH_NAME = "boxes.csv"
 START_NS = 1_700_000_000_000_000_000
 PACKET_S = 0.01
 LABEL_S = 0.01
@@ -41,32 +44,56 @@ def run(options: argparse.Namespace) -> int:
     """Simulate, write the bag and the boxes.
 
     Raises:
-        SimulationError: the output exists and is not to be replaced, or the seed is negative.
-        RecordingError: the output cannot be written.
+        SimulationError: the output exists and is not to be replaced or cannot be written, or the seed is negative.
     """
     if options.seed < 0:
         msg = f"--seed {options.seed} is negative: give 0 or more"
         raise SimulationError(msg)
-    if options.output.exists():
-        if not options.force or not (options.output / "metadata.yaml").is_file():
-            msg = f"{options.output} exists: name a new folder, or replace a simulated bag with --force"
-            raise SimulationError(msg)
-        shutil.rmtree(options.output)
+    is_simulated = all((options.output / name).is_file() for name in ("metadata.yaml", TRUTH_NAME))
+    if options.output.exists() and not (options.force and is_simulated):
+        msg = f"{options.output} exists: name a new folder, or replace a simulated bag with --force"
+        raise SimulationError(msg)
     scene = SCENES[options.scene](options.seed)
+    with _written_beside(options.output) as folder:
+        _write_bag(folder, scene, options.seed)
+        write_boxes(folder / TRUTH_NAME, truth(scene))
+    return 0
+
+
+@contextmanager
+def _written_beside(output: Path) -> Iterator[Path]:
+    """A folder to write that takes its place, and that of an older one, only when the block succeeds.
+
+    Raises:
+        SimulationError: the parent folder cannot be written.
+    """
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        # The files of a bag are named after its folder, so it gets its own name in a temporary place from the start.
+        with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as place:
+            folder = Path(place) / output.name
+            yield folder
+            if output.exists():
+                shutil.rmtree(output)
+            folder.rename(output)
+    except OSError as err:
+        msg = f"{output}: cannot be written ({err.strerror or err}): name a new folder in one you may write"
+        raise SimulationError(msg) from err
+
+
+def _write_bag(folder: Path, scene: Scene, seed: int) -> None:
     console = Console(stderr=True)
     with (
-        BagWriter(options.output, {EVENT_PACKET_TYPE: EVENT_PACKET_DEFINITION}, compressed=True) as bag,
+        BagWriter(folder, {EVENT_PACKET_TYPE: EVENT_PACKET_DEFINITION}, compressed=True) as bag,
         Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
     ):
         task = progress.add_task("simulating", total=scene.duration_s)
         bag.add_topic(TOPIC, EVENT_PACKET_TYPE, reliable=False)
-        for seq, packet in enumerate(packets(simulate(scene, seed=options.seed, start_ns=START_NS))):
+        for seq, packet in enumerate(packets(simulate(scene, seed=seed, start_ns=START_NS))):
             end_ns = int(packet.t[-1])
             message = encode_event_packet(packet, stamp_ns=end_ns, frame_id=FRAME_ID, seq=seq)
             bag.write(TOPIC, end_ns, message)
             progress.update(task, completed=(end_ns - START_NS) / NS_PER_S)
-    write_boxes(options.output / "boxes.csv", truth(scene))
-    return 0
 
 
 def packets(batches: Iterator[Events]) -> Iterator[Events]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import yaml
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.engine import track as track_streams
+from etd_ros.errors import EtdError
 from etd_ros.evaluation import TracksWriter
 from etd_ros.overlay import VideoWriter, draw_overlay
 from etd_ros.parameters import ParameterError
@@ -22,6 +23,10 @@ from etd_ros.targets import TargetError, parse_target, targets_from_file, unique
 from etd_ros.tracking import METHODS, method_named
 
 VIDEO_FPS = 30.0
+
+
+class OutputError(EtdError):
+    """An output that cannot be written."""
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -47,6 +52,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 def run(options: argparse.Namespace) -> int:
     """Track, write the tracks (and the video)."""
     method_named(options.method)
+    _check_outputs(options.output, options.video)
     settings = read_settings(options.config, options.set)
     targets = unique_targets(
         [*(targets_from_file(options.targets) if options.targets else []), *map(parse_target, options.target)]
@@ -78,5 +84,30 @@ def read_settings(config: Path | None, assignments: Sequence[str]) -> Settings:
         if not equals:
             msg = f"--set {assignment!r} is not NAME=VALUE, as in tracking.failure_iou=0.4"
             raise ParameterError(msg)
-        values[name] = yaml.safe_load(text)
+        values[name] = _value(assignment, text)
     return settings_from_mapping(values)
+
+
+def _value(assignment: str, text: str) -> Any:
+    """The value as YAML has it, but 1e-3 is a number here too."""
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as err:
+        msg = f"--set {assignment!r}: {text!r} is no value: give a number, a word or a list as in [1, 2]"
+        raise ParameterError(msg) from err
+    if isinstance(value, str):
+        with suppress(ValueError):
+            return float(value)
+    return value
+
+
+def _check_outputs(*outputs: Path | None) -> None:
+    """Refuse folders before the work rather than after it.
+
+    Raises:
+        OutputError: an output is a folder.
+    """
+    for output in outputs:
+        if output is not None and output.is_dir():
+            msg = f"{output}: cannot be written (is a folder): name a file"
+            raise OutputError(msg)
