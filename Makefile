@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 
 # A sourced ROS 2 looks for libraries along these; without one, the wheels find their own.
-ifdef ROS_DISTRO
+ifdef AMENT_PREFIX_PATH
 export LD_LIBRARY_PATH := $(CURDIR)/.venv/lib:$(LD_LIBRARY_PATH)
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv:$(AMENT_PREFIX_PATH)
 endif
