@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from collections.abc import Callable, Iterator
 
@@ -9,16 +10,22 @@ from rclpy.subscription import Subscription
 
 from etd_ros.nodes.base import EVENT_QOS, EtdNode, Input
 from etd_ros.settings import Settings
-from etd_ros.stream import StreamBatch, StreamGuard
+from etd_ros.stream import Restart, StreamBatch, StreamGuard
 from msg_adapters import EVENT_TYPES, EventMessage, Layout, SensorClock, decoder_for
 
 POLL_PERIOD_S = 0.2
 
 
 class EventDecoding:
-    """One publisher's messages to guarded batches on the ROS clock."""
+    """One publisher's messages to guarded batches on the ROS clock.
 
-    def __init__(self, type_name: str, settings: Settings) -> None:
+    Args:
+        type_name: ROS 2 type of the messages.
+        settings: of the node.
+        resumes: whether events were read before: what was missed since then ends their stream.
+    """
+
+    def __init__(self, type_name: str, settings: Settings, *, resumes: bool) -> None:
         self.messages = 0
         self.events = 0
         self.skipped_words = 0
@@ -26,6 +33,7 @@ class EventDecoding:
         self.guard = StreamGuard(settings.stream)
         self._decoder = decoder_for(type_name, Layout.ROS2)
         self._clock = SensorClock()
+        self._resumes = resumes
 
     def decode(self, message: bytes) -> Iterator[tuple[EventMessage, StreamBatch]]:
         """The message's batches, each with the message it came from.
@@ -40,6 +48,9 @@ class EventDecoding:
         self.off_sensor += decoded.off_sensor
         events = self._clock.to_ros(decoded)
         for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding):
+            if self._resumes:
+                self._resumes = False
+                batch = dataclasses.replace(batch, restart=Restart.GAP)
             yield decoded, batch
 
 
@@ -59,6 +70,7 @@ class EventInput:
         self._topic = node.resolve_topic_name("~/events")
         self._subscription: Subscription | None = None
         self._decoding: EventDecoding | None = None
+        self._type_name = ""
         self._received = 0
         self._refused_types: set[str] = set()
         self._timer = node.every(POLL_PERIOD_S, self._poll)
@@ -101,9 +113,16 @@ class EventInput:
             self._unsubscribe()
         elif self._subscription is None:
             self._subscribe()
+        elif (types := self._published_types()) and self._type_name not in types:
+            # Another publisher has taken the first one's place.
+            self._unsubscribe()
+            self._subscribe()
+
+    def _published_types(self) -> set[str]:
+        return {info.topic_type for info in self._node.get_publishers_info_by_topic(self._topic)}
 
     def _subscribe(self) -> None:
-        types = {info.topic_type for info in self._node.get_publishers_info_by_topic(self._topic)}
+        types = self._published_types()
         known = sorted(types & EVENT_TYPES)
         if not known:
             for type_name in sorted(types - self._refused_types):
@@ -117,13 +136,14 @@ class EventInput:
         if message_class is None:
             self._node.warn(f"{self._topic} carries {type_name}: build and source {type_name.split('/')[0]}")
             return
-        decoding = EventDecoding(type_name, self._node.settings)
+        decoding = EventDecoding(type_name, self._node.settings, resumes=self._decoding is not None)
 
         def on_message(message: bytes) -> None:
             self._received += 1
             self._node.worker.submit(lambda data: self._decode(decoding, data), message)
 
         self._decoding = decoding
+        self._type_name = type_name
         self._subscription = self._node.create_subscription(message_class, self._topic, on_message, EVENT_QOS, raw=True)
         self._node.get_logger().info(f"reading {type_name} from {self._topic}")
 
@@ -131,7 +151,7 @@ class EventInput:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
-            self._node.get_logger().info(f"nobody needs the output: not reading {self._topic}")
+            self._node.get_logger().info(f"not reading {self._type_name} from {self._topic} any more")
 
     def _decode(self, decoding: EventDecoding, message: bytes) -> None:
         for decoded, batch in decoding.decode(message):

@@ -11,7 +11,7 @@ from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, NodeOptions, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.stream import StreamBatch
-from msg_adapters import EventMessage, decode_image, encode_image
+from msg_adapters import EventMessage, MessageError, decode_image, encode_image
 
 EARLY_STAMPS_MAX = 1000
 
@@ -58,11 +58,16 @@ class Reconstruction(EtdNode):
         return self._images.get_subscription_count() > 0
 
     def _on_frame(self, message: bytes) -> None:
-        self.worker.submit(self._on_stamp, message)
-
-    def _on_stamp(self, message: bytes) -> None:
         self._stamps += 1
-        stamp_ns = decode_image(message).stamp_ns
+        try:
+            stamp_ns = decode_image(message).stamp_ns
+        except MessageError as err:
+            self.count_error(err)
+            return
+        # The pixels are not queued: they would take the events' room.
+        self.worker.submit(lambda _: self._on_stamp(stamp_ns), b"")
+
+    def _on_stamp(self, stamp_ns: int) -> None:
         if self._reconstruction is None:
             self._early_stamps.append(stamp_ns)
         else:

@@ -1,0 +1,93 @@
+"""Streams that end and begin again: looping bags, readers that come and go, publishers that change."""
+
+import numpy as np
+from dvs_msgs.msg import Event, EventArray
+from event_camera_msgs.msg import EventPacket
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.events import Events
+from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.event_input import EventDecoding
+from etd_ros.settings import Settings
+from etd_ros.stream import Restart
+from msg_adapters import decode_detections, decode_image, encode_event_packet
+
+EVENTS = "/event_camera/events"
+REMAP = ("-r", f"~/events:={EVENTS}")
+PACKET = "event_camera_msgs/msg/EventPacket"
+
+
+def packet(first_ns: int, seq: int) -> bytes:
+    t = first_ns + np.arange(4, dtype=np.int64)
+    zeros = np.zeros(4, np.uint16)
+    events = Events(t, zeros, zeros, np.zeros(4, np.uint8), 16, 12)
+    return encode_event_packet(events, stamp_ns=first_ns, frame_id="camera", seq=seq)
+
+
+def rounds(stamps: list[int]) -> list[list[int]]:
+    """Stamps split where they step back."""
+    split: list[list[int]] = [[]]
+    for stamp_ns in stamps:
+        if split[-1] and stamp_ns < split[-1][-1]:
+            split.append([])
+        split[-1].append(stamp_ns)
+    return split
+
+
+def test_reading_again_after_a_pause_starts_a_new_stream():
+    settings = Settings()
+    first = EventDecoding(PACKET, settings, resumes=False)
+    assert [batch.restart for number in range(2) for _, batch in first.decode(packet(10 * number, number))] == [
+        None
+    ] * 2
+    # The clock may have gone back meanwhile, which the new decoder cannot know.
+    again = EventDecoding(PACKET, settings, resumes=True)
+    restarts = [batch.restart for number in range(2) for _, batch in again.decode(packet(5 + number, 7 + number))]
+    assert restarts == [Restart.GAP, None]
+
+
+def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository):
+    recording, truth = repository / "bags" / "demo", repository / "bags" / "demo" / "boxes.csv"
+    stamps: dict[str, list[int]] = {"/accumulator/frames": [], "/reconstruction/image_raw": []}
+    for topic, found in stamps.items():
+        bench.listen(topic, Image, lambda message, found=found: found.append(decode_image(message).stamp_ns))
+    bench.listen("/tracker/detections", Detection2DArray)
+    bench.start("accumulator", ros=REMAP)
+    bench.start("reconstruction", ros=REMAP)
+    bench.start("tracker", ros=("-p", f"targets_file:={truth}"))
+    bench.wait_until(
+        lambda: (
+            bench.figure("accumulator", "frame subscribers") == "3"
+            and bench.figure("reconstruction", "image subscribers") == "2"
+        ),
+        "the nodes are linked",
+    )
+    bench.start("replay", str(recording), "--loop", "--rate", "4", "--wait-for", "2")
+    bench.wait_until(lambda: all(len(rounds(found)) > 2 for found in stamps.values()), "two rounds are over")
+    bench.end("replay")
+    frames, images = (rounds(found)[1] for found in stamps.values())
+    assert len(set(images) & set(frames)) > len(frames) / 2
+    messages = [decode_detections(message) for message in bench.messages["/tracker/detections"]]
+    first, second = rounds([message.stamp_ns for message in messages])[:2]
+    assert any(message.detections for message in messages[len(first) : len(first) + len(second)])
+    for name in ("accumulator", "reconstruction", "tracker"):
+        assert "internal error" not in bench.log(name)
+        assert bench.figure(name, "errors") == "0"
+
+
+def test_a_publisher_of_another_event_type_is_read_when_it_takes_the_place_of_the_first(bench):
+    bench.listen("/accumulator/frames", Image)
+    first = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("accumulator", ros=REMAP)
+    bench.wait_until(lambda: first.get_subscription_count() == 1, "the accumulator reads packets")
+    bench.node.destroy_publisher(first)
+    second = bench.node.create_publisher(EventArray, EVENTS, EVENT_QOS)
+    bench.wait_until(lambda: second.get_subscription_count() == 1, "the accumulator reads arrays")
+    message = EventArray(width=16, height=12, events=[Event(x=1, y=2, polarity=True)])
+
+    def counted() -> bool:
+        second.publish(message)
+        return bench.figure("accumulator", "events") not in ("", "0")
+
+    bench.wait_until(counted, "its events are counted")
