@@ -1,0 +1,90 @@
+"""The command `simulate`: a bag with its truth."""
+
+import pytest
+
+from etd_ros.cli import main
+from etd_ros.commands import simulate as command
+from etd_ros.evaluation import read_boxes
+from etd_ros.recordings import open_recording
+from etd_ros.simulation import Scene, demo_scene
+
+
+@pytest.fixture
+def short_scene(monkeypatch):
+    """The demo's scene, over after 0.2 s."""
+
+    def shortened(seed: int) -> Scene:
+        scene = demo_scene(seed)
+        return Scene(scene.width, scene.height, 0.2, scene.background, scene.sprites)
+
+    monkeypatch.setitem(command.SCENES, "demo", shortened)
+
+
+def simulated(output, *options: str) -> bytes:
+    assert main(["simulate", "demo", "--output", str(output), *options]) == 0
+    with open_recording(output) as recording:
+        return b"".join(events.to_structured().tobytes() for events in recording.events())
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_a_seed_repeats_its_recording_and_another_makes_another(tmp_path):
+    first, again, other = (
+        simulated(tmp_path / name, "--seed", seed) for name, seed in (("a", "3"), ("b", "3"), ("c", "4"))
+    )
+    assert first == again
+    assert first != other
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_the_bag_holds_packets_of_10_ms_and_nothing_else_is_left(tmp_path):
+    simulated(tmp_path / "bag")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["bag.mcap", "boxes.csv", "metadata.yaml"]
+    with open_recording(tmp_path / "bag") as recording:
+        assert (recording.topic, recording.width, recording.height) == ("/event_camera/events", 240, 180)
+        packets = list(recording.packets())
+    assert len(packets) == 20
+    assert [packet.seq for packet in packets] == list(range(20))
+    for number, packet in enumerate(packets):
+        start_ns = command.START_NS + number * 10_000_000
+        assert start_ns <= packet.events.t[0] <= packet.events.t[-1] < start_ns + 10_000_000
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_the_truth_lies_on_the_events_clock(tmp_path):
+    simulated(tmp_path / "bag")
+    for labels in read_boxes(tmp_path / "bag" / "boxes.csv").values():
+        stamps = [label.stamp_ns for label in labels]
+        assert stamps == list(range(command.START_NS + 100_000_000, command.START_NS + 200_000_000, 10_000_000))
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_force_replaces_a_simulated_bag(tmp_path):
+    first = simulated(tmp_path / "bag")
+    assert main(["simulate", "demo", "--output", str(tmp_path / "bag"), "--seed", "8"]) == 2
+    assert simulated(tmp_path / "bag", "--seed", "8", "--force") != first
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_a_failure_keeps_the_older_bag_and_leaves_nothing_else(tmp_path, monkeypatch):
+    first = simulated(tmp_path / "bag")
+
+    def no_space(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(command, "write_boxes", no_space)
+        assert main(["simulate", "demo", "--output", str(tmp_path / "bag"), "--force"]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+    with open_recording(tmp_path / "bag") as recording:
+        assert b"".join(events.to_structured().tobytes() for events in recording.events()) == first
+
+
+@pytest.mark.usefixtures("short_scene")
+def test_an_interrupt_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "write_boxes", interrupted)
+    assert main(["simulate", "demo", "--output", str(tmp_path / "bag")]) == 130
+    assert list(tmp_path.iterdir()) == []

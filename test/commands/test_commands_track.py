@@ -1,0 +1,137 @@
+"""The command `track`: its files, options and methods."""
+
+from __future__ import annotations
+
+import csv
+
+import command_bags
+import cv2
+import pytest
+
+from etd_ros.cli import main
+from etd_ros.evaluation import mean_score, read_boxes, read_tracks, score
+from etd_ros.tracking import TargetState
+
+STATES = {state.value for state in TargetState}
+
+
+def tracks_of(folder, *options: str) -> list[dict[str, str]]:
+    """The rows that `track` writes of a small random bag."""
+    output = folder / "tracks.csv"
+    bag = folder / "bag"
+    if not bag.exists():
+        command_bags.sound(bag)
+    assert main(["track", str(bag), "--output", str(output), *options]) == 0
+    with output.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def truth_file(repository):
+    return repository / "bags" / "demo" / "boxes.csv"
+
+
+@pytest.fixture(scope="module", params=["etd", "etd-nr", "etd-ftw"])
+def method_tracks(request, truth_file, tmp_path_factory):
+    """(method, its tracks of the bundled recording)."""
+    output = tmp_path_factory.mktemp(request.param) / "tracks.csv"
+    arguments = ["track", str(truth_file.parent), "--targets", str(truth_file), "--method", request.param]
+    assert main([*arguments, "--output", str(output)]) == 0
+    return request.param, read_tracks(output)
+
+
+def test_every_method_tracks_all_targets_of_the_bundled_recording_from_their_start(method_tracks, truth_file):
+    _, tracks = method_tracks
+    boxes = read_boxes(truth_file)
+    assert set(tracks) == {"ball", "drum", "tin"}
+    stamps = {name: [row.stamp_ns for row in rows] for name, rows in tracks.items()}
+    assert stamps["ball"] == stamps["drum"] == stamps["tin"] == sorted(set(stamps["tin"]))
+    for name, rows in tracks.items():
+        assert {row.state for row in rows} <= STATES
+        started = [row for row in rows if row.stamp_ns >= boxes[name][0].stamp_ns]
+        assert all(row.box is None and row.state == "idle" for row in rows[: len(rows) - len(started)])
+        assert started[0].box is not None
+
+
+def test_every_method_is_as_accurate_on_the_bundled_recording_as_it_has_been(method_tracks, truth_file):
+    method, tracks = method_tracks
+    assert mean_score(score(tracks, read_boxes(truth_file))).ap > {"etd": 0.75, "etd-nr": 0.5, "etd-ftw": 0.5}[method]
+
+
+def test_the_hidden_tin_is_lost_and_found_again_only_with_recovery(method_tracks):
+    method, tracks = method_tracks
+    states = [row.state for row in tracks["tin"]]
+    assert {"recovering", "lost"} & set(states)
+    assert states[-1] == ("lost" if method == "etd-nr" else "tracking")
+
+
+def test_a_row_for_every_target_and_frame_with_the_columns_of_the_design(tmp_path):
+    rows = tracks_of(tmp_path, "--target", "first:10,10,20,20", "--target", "second:30,20,16,12")
+    assert list(rows[0]) == ["stamp_ns", "target", "x", "y", "w", "h", "score", "state"]
+    assert [row["target"] for row in rows] == ["first", "second"] * (len(rows) // 2)
+    assert len(rows) > 2
+    for row in rows:
+        assert row["state"] in STATES
+        assert 0 <= float(row["score"]) <= 1
+        assert len({row[column] == "" for column in "xywh"}) == 1
+
+
+def test_a_target_waits_for_its_stamp(tmp_path):
+    stamp_ns = command_bags.START_NS + 25_000_000
+    rows = tracks_of(tmp_path, "--target", f"late:10,10,20,20@{stamp_ns}", "--method", "etd-ftw")
+    for row in rows:
+        assert (row["state"] == "idle") == (int(row["stamp_ns"]) < stamp_ns)
+    assert {row["state"] == "idle" for row in rows} == {True, False}
+
+
+def test_targets_of_a_file_and_of_the_command_line_are_tracked_together(tmp_path):
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text("target,stamp_ns,x,y,w,h\nfiled,1000000000,10,10,20,20\nfiled,1020000000,1,1,2,2\n")
+    rows = tracks_of(tmp_path, "--targets", str(boxes), "--target", "typed:30,20,16,12")
+    assert {row["target"] for row in rows} == {"filed", "typed"}
+
+
+def test_a_parameter_from_the_command_line_wins_over_the_file_and_both_over_the_default(tmp_path):
+    config = tmp_path / "parameters.yaml"
+    config.write_text("/**:\n  ros__parameters:\n    fixed_window:\n      window_s: 0.02\n")
+    common = ("--target", "thing:10,10,20,20", "--method", "etd-ftw")
+    counts = [
+        len(tracks_of(tmp_path, *common, *options))
+        for options in (
+            (),
+            ("--config", str(config)),
+            ("--config", str(config), "--set", "fixed_window.window_s=5e-3"),
+        )
+    ]
+    # 50 ms of events in windows of 9, 20 and 5 ms; the last window is not over.
+    assert counts == [5, 2, 9]
+
+
+def test_a_list_can_be_set(tmp_path):
+    rows = tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--set", "atsltd.nzge_interval=[0.01, 0.02]")
+    assert len(rows) > len(tracks_of(tmp_path, "--target", "thing:10,10,20,20"))
+
+
+@pytest.mark.parametrize("method", ["etd", "etd-nr"])
+def test_the_video_has_a_picture_for_every_frame(tmp_path, method):
+    video = tmp_path / "video.mp4"
+    rows = tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--video", str(video), "--method", method)
+    capture = cv2.VideoCapture(str(video))
+    pictures = 0
+    while capture.read()[0]:
+        pictures += 1
+    assert pictures == len(rows) > 0
+
+
+def test_only_the_results_are_left_behind(tmp_path):
+    place = tmp_path / "place"
+    place.mkdir()
+    bag = command_bags.sound(tmp_path / "bag")
+    results = ("--output", str(place / "tracks.csv"), "--video", str(place / "video.mp4"))
+    assert main(["track", str(bag), "--target", "thing:10,10,20,20", *results]) == 0
+    assert sorted(path.name for path in place.iterdir()) == ["tracks.csv", "video.mp4"]
+
+
+def test_tracking_is_reproducible(tmp_path):
+    first, again = (tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--target", "b:30,9,9,9") for _ in range(2))
+    assert first == again
