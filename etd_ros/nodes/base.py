@@ -62,6 +62,10 @@ class NodeOptions(Parameters):
     )
 
 
+class RosError(EtdError):
+    """ROS refuses to start."""
+
+
 OptionsT = TypeVar("OptionsT", bound=NodeOptions)
 
 
@@ -174,11 +178,29 @@ class EtdNode(Node):
         self.get_logger().error(f"internal error, please report it:\n{text}", throttle_duration_sec=WARNING_PERIOD_S)
 
 
+def start_ros(arguments: list[str] | None) -> None:
+    """Start ROS; what stands after --ros-args is checked here.
+
+    Raises:
+        RosError: an argument that ROS does not understand, such as a parameter file that is missing.
+    """
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
+    # rclpy's own errors for this have no public name; all of them derive from RuntimeError.
+    except RuntimeError as err:
+        raise ros_error(err) from err
+
+
+def ros_error(err: RuntimeError) -> RosError:
+    """What rclpy says of the arguments, without the places in its sources."""
+    return RosError(f"ROS does not start: {str(err).partition(', at /')[0]}: mend what stands after --ros-args")
+
+
 def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
     node = None
     try:
+        start_ros(arguments)
         node = make()
         executor = SingleThreadedExecutor()
         executor.add_node(node)

@@ -15,7 +15,6 @@ from builtin_interfaces.msg import Time
 from event_camera_msgs.msg import EventPacket
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -25,7 +24,7 @@ from sensor_msgs.msg import Image
 from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
-from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS, ros_error, start_ros
 from etd_ros.recordings import RecordedMessage, Recording, open_recording
 from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
 
@@ -164,7 +163,7 @@ def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> 
         msg = f"--rate {options.rate:g} is out of range (0, 1000]: 1 is the recorded pace"
         raise ReplayError(msg)
     with open_recording(options.recording, topic=options.topic, size=options.size) as recording:
-        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.ALL)
+        start_ros(ros_arguments)
         node = Replay(recording, rate=options.rate, clock=options.clock)
         try:
             node.wait_for_subscribers(options.wait_for)
@@ -197,12 +196,24 @@ def _play_with_progress(node: Replay, recording: Recording, loop: bool) -> None:
                 progress.remove_task(task)
 
 
+def _own_arguments(arguments: list[str]) -> list[str]:
+    """The program's arguments without those that are ROS's.
+
+    Raises:
+        RosError: ROS's ones are wrong.
+    """
+    try:
+        return list(remove_ros_args(arguments)[1:])
+    except RuntimeError as err:
+        raise ros_error(err) from err
+
+
 def main() -> int:
     """Entry point of `ros2 run etd_ros replay`."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
     add_replay_options(parser)
     try:
-        return run(parser.parse_args(remove_ros_args(sys.argv)[1:]), sys.argv)
+        return run(parser.parse_args(_own_arguments(sys.argv)), sys.argv)
     except EtdError as err:
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
         return 2
