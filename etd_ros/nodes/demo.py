@@ -34,6 +34,7 @@ IDLE_END_S = 3.0
 STOP_TIMEOUT_S = 10.0
 VIDEO_FPS = 60.0
 DOMAIN_ID_MAX = 100
+SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 RESULTS = ("bag", "logs", "tracks.csv", "overlay.mp4")
 PATIENCE = {"queue_mib": 1024.0, "image_wait_s": 30.0}
@@ -194,6 +195,7 @@ def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]
 def _use_own_domain() -> None:
     """Keep the demo's traffic on this machine and apart from other ROS processes."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(SHARED_MEMORY_PROFILE))
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + secrets.randbelow(DOMAIN_ID_MAX)))
 
 

@@ -21,6 +21,7 @@ from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
 from msg_adapters import decode_diagnostics
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml")
 DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
 TIMEOUT_S = 60.0
 
@@ -96,8 +97,13 @@ class Bench:
         """End every process and the listening."""
         for process in self.processes.values():
             if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self.processes.values():
+            try:
+                process.wait(timeout=TIMEOUT_S)
+            except subprocess.TimeoutExpired:
                 process.kill()
-            process.wait()
+                process.wait()
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
