@@ -156,9 +156,11 @@ def track(
     for batch in streams:
         events = batch.events
         if engine is None or (events.width, events.height) != (engine.width, engine.height):
+            if engine is None:
+                for target in targets:
+                    target.check_start(int(events.t[0]))
             engine = Engine(events.width, events.height, method=method, settings=settings)
             for target in targets:
-                target.check_start(int(events.t[0]))
                 engine.tracker.start(target.name, target.box, target.stamp_ns)
         elif batch.restart is not None:
             engine.reset()

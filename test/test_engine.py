@@ -1,0 +1,205 @@
+"""Events to boxes without ROS: cuts, restarts, sizes, images and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from etd_ros.boxes import Box, BoxError
+from etd_ros.conversion import ConversionError
+from etd_ros.engine import Engine, EngineError, FrameSource, Step, track
+from etd_ros.events import Events, concatenate
+from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
+from etd_ros.settings import Settings, settings_from_mapping
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
+from etd_ros.stream import Restart, StreamBatch, StreamGuard
+from etd_ros.targets import TargetError, TargetStart
+from etd_ros.tracking import METHODS, TargetState, TrackingError
+
+WIDTH, HEIGHT = 96, 72
+START_NS = 1_000_000_000
+BOX = Box(18.0, 22.0, 28.0, 28.0)
+
+
+def make_events(start_ns: int = START_NS, duration_s: float = 0.25) -> Events:
+    """A framed square that moves to the right before a grey wall."""
+    rng = np.random.default_rng(2)
+    surface = np.full((28, 28), 0.9)
+    surface[4:-4, 4:-4] = rng.uniform(0.15, 0.4, (20, 20))
+    path = Path([Waypoint(0.0, 32.0, 36.0), Waypoint(1.0, 132.0, 36.0)])
+    sprite = Sprite("square", surface, np.ones_like(surface), path)
+    scene = Scene(WIDTH, HEIGHT, duration_s, 0.4 + 0.1 * rng.random((HEIGHT, WIDTH)), (sprite,))
+    return concatenate(list(simulate(scene, seed=1, start_ns=start_ns)))
+
+
+EVENTS = make_events()
+
+
+def cut_at(events: Events, cuts: Sequence[int]) -> list[StreamBatch]:
+    borders = sorted({0, len(events), *(min(cut, len(events)) for cut in cuts)})
+    return [StreamBatch(events[first:last], None) for first, last in pairwise(borders)]
+
+
+def rows(steps: Sequence[Step]) -> list[tuple]:
+    """Everything that a step says, comparable."""
+    return [
+        (
+            step.frame.stamp_ns,
+            step.frame.data.tobytes(),
+            None if step.image is None else step.image.tobytes(),
+            step.reports,
+        )
+        for step in steps
+    ]
+
+
+def tracked(streams: Sequence[StreamBatch], *targets: TargetStart, method: str = "etd") -> list[Step]:
+    return list(track(streams, targets or [TargetStart("square", BOX)], method=method))
+
+
+WHOLE = {method: rows(tracked(cut_at(EVENTS, []), method=method)) for method in METHODS}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@settings(deadline=None, max_examples=8)
+@given(cuts=st.lists(st.integers(1, len(EVENTS) - 1), max_size=30))
+def test_frames_images_and_boxes_do_not_depend_on_how_events_are_cut(method, cuts):
+    assert rows(tracked(cut_at(EVENTS, cuts), method=method)) == WHOLE[method]
+
+
+def test_events_one_at_a_time_give_the_same_boxes():
+    part = EVENTS[: len(EVENTS) // 4]
+    one_by_one = tracked(cut_at(part, range(len(part))), method="etd-nr")
+    assert len(one_by_one) > 1
+    assert rows(one_by_one) == rows(tracked(cut_at(part, []), method="etd-nr"))
+
+
+def test_the_square_is_followed():
+    steps = tracked(cut_at(EVENTS, []))
+    assert len(steps) > 10
+    last = steps[-1]
+    box = last.reports[0].box
+    moved = (last.frame.stamp_ns - START_NS) / 1e9 * 100
+    assert box is not None
+    assert box.center[0] == pytest.approx(32 + moved, abs=5)
+    assert box.center[1] == pytest.approx(36, abs=5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_images_come_with_the_methods_that_recover_and_stand_at_the_frames_stamps(method):
+    steps = tracked(cut_at(EVENTS, range(0, len(EVENTS), 500)), method=method)
+    stamps = [step.frame.stamp_ns for step in steps]
+    if not METHODS[method].recovers:
+        assert all(step.image is None for step in steps)
+        return
+    reference = SynchronisedReconstruction(HighPassFilter(WIDTH, HEIGHT))
+    for stamp_ns in stamps:
+        reference.request(stamp_ns)
+    reference.push(EVENTS)
+    expected = dict(reference.ready())
+    assert stamps == list(expected)
+    for step in steps:
+        assert step.image is not None
+        assert np.array_equal(step.image, expected[step.frame.stamp_ns])
+
+
+def test_a_step_back_in_time_starts_frames_and_targets_again():
+    guard = StreamGuard()
+    target = TargetStart("square", BOX, START_NS)
+    twice = [batch for events in (EVENTS, EVENTS) for batch in guard.feed(events)]
+    assert [batch.restart for batch in twice] == [None, Restart.TIME_STEP_BACK]
+    first, both = tracked(twice[:1], target), tracked(twice, target)
+    again = both[len(first) :]
+    assert rows(both[: len(first)]) == rows(first)
+    assert [row[:3] for row in rows(again)] == [row[:3] for row in rows(first)], "frames and images start afresh"
+    assert again[0].reports[0].box == pytest.approx(first[0].reports[0].box, abs=3)
+    assert again[-1].reports[0].box == pytest.approx(first[-1].reports[0].box, abs=3)
+
+
+def test_a_restart_drops_the_unfinished_frame():
+    cut = EVENTS[: len(EVENTS) // 3]
+    later = make_events(START_NS + 2_000_000_000)
+    streams = [StreamBatch(cut, None), StreamBatch(later, Restart.GAP)]
+    frames = [step.frame for step in tracked(streams, method="etd-nr")]
+    after = [frame for frame in frames if frame.stamp_ns > int(cut.t[-1])]
+    alone = [step.frame for step in tracked([StreamBatch(later, None)], method="etd-nr")]
+    assert [(frame.stamp_ns, frame.events) for frame in after] == [(frame.stamp_ns, frame.events) for frame in alone]
+
+
+def test_a_new_size_makes_a_new_engine():
+    larger = Events(EVENTS.t + 10**9, EVENTS.x, EVENTS.y, EVENTS.p, WIDTH + 30, HEIGHT + 10)
+    guard = StreamGuard()
+    streams = [batch for events in (EVENTS, larger) for batch in guard.feed(events)]
+    assert streams[1].restart is Restart.SIZE
+    target = TargetStart("square", BOX, START_NS)
+    steps = tracked(streams, target)
+    larger_steps = [step for step in steps if step.frame.data.shape == (HEIGHT + 10, WIDTH + 30, 2)]
+    first = steps[: len(steps) - len(larger_steps)]
+    assert {step.frame.data.shape for step in first} == {(HEIGHT, WIDTH, 2)}
+    assert larger_steps[0].reports[0].box == pytest.approx(first[0].reports[0].box, abs=3), "it starts at its box again"
+
+
+def test_a_target_is_idle_until_its_stamp():
+    stamp_ns = START_NS + 100_000_000
+    for step in tracked(cut_at(EVENTS, []), TargetStart("late", BOX, stamp_ns)):
+        (report,) = step.reports
+        assert (report.state is TargetState.IDLE) == (step.frame.stamp_ns < stamp_ns)
+        assert (report.box is None) == (report.state is not TargetState.TRACKING)
+
+
+def test_reports_come_in_the_order_of_the_targets():
+    names = ["b", "a", "c"]
+    for step in tracked(cut_at(EVENTS, []), *(TargetStart(name, BOX) for name in names)):
+        assert [report.name for report in step.reports] == names
+
+
+def test_a_target_well_before_the_first_event_is_refused_and_one_just_before_is_not():
+    first_ns = int(EVENTS.t[0])
+    assert tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 90_000_000))
+    with pytest.raises(TargetError, match="before the first event"):
+        tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 110_000_000))
+
+
+@pytest.mark.parametrize(
+    ("targets", "error"),
+    [
+        ([TargetStart("twice", BOX), TargetStart("twice", BOX)], TargetError),
+        ([TargetStart("off", Box(200.0, 1.0, 5.0, 5.0))], BoxError),
+        ([TargetStart("a,b", BOX)], TrackingError),
+    ],
+)
+def test_a_target_that_cannot_be_is_refused(targets, error):
+    with pytest.raises(error):
+        tracked(cut_at(EVENTS, []), *targets)
+
+
+def test_no_events_give_no_steps():
+    assert tracked([]) == []
+
+
+def test_an_unknown_method_or_conversion_is_refused():
+    with pytest.raises(TrackingError, match="etd-nr"):
+        Engine(WIDTH, HEIGHT, method="guess")
+    with pytest.raises(EngineError, match="atsltd, fixed_window, fixed_count"):
+        FrameSource("guess", WIDTH, HEIGHT, Settings())
+
+
+def test_events_of_another_sensor_are_refused():
+    with pytest.raises(ConversionError, match="96x72|64x48"):
+        list(Engine(64, 48).feed(EVENTS))
+
+
+@pytest.mark.parametrize("conversion", ["atsltd", "fixed_window", "fixed_count"])
+def test_the_noise_filter_goes_before_every_conversion(conversion):
+    quiet = settings_from_mapping({"noise_filter.window_s": 0.002, "fixed_count.count": 500})
+    plain = settings_from_mapping({"noise_filter.window_s": 0.0, "fixed_count.count": 500})
+    kept, everything = (
+        sum(frame.events for frame in FrameSource(conversion, WIDTH, HEIGHT, chosen).frames(EVENTS))
+        for chosen in (quiet, plain)
+    )
+    assert 0 < kept < everything
