@@ -1,4 +1,4 @@
-"""AP and AR, against hand values and against the independent scorer where it is at hand."""
+"""AP and AR, against hand values and against their definition in plain Python."""
 
 from __future__ import annotations
 
