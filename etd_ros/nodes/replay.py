@@ -10,6 +10,7 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 
+import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from event_camera_msgs.msg import EventPacket
@@ -91,8 +92,11 @@ def _image_to_ros2(message: RecordedMessage) -> bytes:
 
 
 def _split(events: Events) -> Iterator[Events]:
+    """Parts of less than 10 ms, none of which goes back before its first event: times may step back in a recording."""
     while len(events):
-        part = events.between(int(events.t[0]), int(events.t[0]) + PACKET_DURATION_NS)
+        since_ns = events.t - events.t[0]
+        beyond = np.flatnonzero((since_ns < 0) | (since_ns >= PACKET_DURATION_NS))
+        part = events[: int(beyond[0])] if len(beyond) else events
         yield part
         events = events[len(part) :]
 
