@@ -105,6 +105,12 @@ class Scene:
         if self.background.shape != (self.height, self.width):
             msg = f"a background of {self.background.shape} for a sensor of {self.width}x{self.height}"
             raise SimulationError(msg)
+        if (
+            min(float(texture.min()) for texture in (self.background, *(sprite.texture for sprite in self.sprites)))
+            <= 0
+        ):
+            msg = "intensities must be above 0: events come from their logarithm"
+            raise SimulationError(msg)
 
     def render(self, time_s: float) -> npt.NDArray[np.float64]:
         """Log intensity, float64, shape (height, width)."""
@@ -115,8 +121,8 @@ class Scene:
         return np.log(image)
 
     def visible_share(self, name: str, time_s: float) -> float:
-        """How much of a target's box on the sensor is not hidden by sprites in front of it, 0 to 1."""
-        index = next(i for i, sprite in enumerate(self.sprites) if sprite.name == name)
+        """The share of a sprite that lies on the sensor and is not hidden by sprites in front of it, 0 to 1."""
+        index = self._index_of(name)
         ones = np.ones((self.height, self.width))
         shown = np.zeros((self.height, self.width))
         target = self.sprites[index]
@@ -127,6 +133,13 @@ class Scene:
             _paint(cover, np.ones_like(sprite.texture), sprite.opacity, *sprite.path.at(time_s))
             shown *= 1 - cover
         return float(shown.sum() / whole)
+
+    def _index_of(self, name: str) -> int:
+        for index, sprite in enumerate(self.sprites):
+            if sprite.name == name:
+                return index
+        msg = f"no sprite {name!r}: the scene has {', '.join(sprite.name for sprite in self.sprites)}"
+        raise SimulationError(msg)
 
     def boxes(self, time_s: float, *, visible_min: float = 0.5) -> dict[str, Box]:
         """Boxes of the targets of which at least `visible_min` can be seen, by name."""

@@ -114,3 +114,13 @@ def test_textures_stay_between_dark_and_bright_use_that_range_and_follow_their_s
     assert first.max() == pytest.approx(BRIGHT)
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_a_scene_without_light_is_refused():
+    with pytest.raises(SimulationError, match="above 0"):
+        Scene(8, 6, 1.0, np.zeros((6, 8)), ())
+
+
+def test_an_unknown_sprite_is_named():
+    with pytest.raises(SimulationError, match="no sprite 'moon'"):
+        Scene(8, 6, 1.0, np.ones((6, 8)), ()).visible_share("moon", 0.0)
