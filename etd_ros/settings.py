@@ -79,13 +79,14 @@ def read_parameter_file(path: Path) -> dict[str, Any]:
     """
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        nodes = list(_node_parameters(document))
     except (OSError, UnicodeDecodeError) as err:
         msg = f"{path}: cannot be read ({err}): name a ROS 2 parameter file"
         raise ParameterError(msg) from err
-    except yaml.YAMLError as err:
+    # Beside its own errors PyYAML lets those of impossible dates and numbers pass, and of endless nesting.
+    except (yaml.YAMLError, ValueError, RecursionError) as err:
         msg = f"{path}: is not YAML ({' '.join(str(err).split())}): name a ROS 2 parameter file"
         raise ParameterError(msg) from err
-    nodes = list(_node_parameters(document))
     if not nodes:
         msg = f"{path}: holds no ros__parameters mapping: write one as in config/etd_ros.yaml"
         raise ParameterError(msg)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from etd_ros.events import check_sensor_size
+from etd_ros.events import EventsError, check_sensor_size
 from etd_ros.recordings.interface import Recording, RecordingError
 
 SUPPORTED = ".bag, .mcap, .db3, a ROS 2 bag's folder, .aedat4, .raw, an events.txt or its folder"
@@ -20,7 +20,7 @@ def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[in
 
     Raises:
         RecordingError: missing, empty, unreadable, damaged, of an unknown kind, or without (one choice of) events.
-        EventsError: an impossible sensor size.
+        EventsError: `size` is impossible.
     """
     path = Path(path)
     if size is not None:
@@ -29,6 +29,9 @@ def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[in
         return _open(path, topic, size)
     except OSError as err:
         msg = f"{path}: cannot be read ({err.strerror or err}): check its permissions"
+        raise RecordingError(msg) from err
+    except EventsError as err:
+        msg = f"{path}: {err}: give the sensor's own with --size WIDTHxHEIGHT, or copy the file again"
         raise RecordingError(msg) from err
 
 
