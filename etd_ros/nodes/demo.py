@@ -86,16 +86,28 @@ class Processes:
 
     def stop(self) -> None:
         """Interrupt every child, wait, and kill what does not leave."""
-        for child in self._children.values():
-            if child.poll() is None:
-                child.send_signal(signal.SIGINT)
-        deadline_s = time.monotonic() + STOP_TIMEOUT_S
-        for child in self._children.values():
-            try:
-                child.wait(max(0.1, deadline_s - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
+        with _uninterrupted():
+            for child in self._children.values():
+                if child.poll() is None:
+                    child.send_signal(signal.SIGINT)
+            deadline_s = time.monotonic() + STOP_TIMEOUT_S
+            for child in self._children.values():
+                try:
+                    child.wait(max(0.1, deadline_s - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    child.kill()
+                    child.wait()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """A second Ctrl-C must not keep the first from ending every child."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def run(recording: Path, truth: Path, output: Path, rate: float) -> int:

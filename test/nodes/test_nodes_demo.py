@@ -1,0 +1,225 @@
+"""The demo as its user runs it: what it leaves when it ends, and that nothing stays when it is interrupted."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import cv2
+import pytest
+from conftest import DOMAINS, TIMEOUT_S
+from rosbags.rosbag2 import Reader
+
+from etd_ros.cli import main
+from etd_ros.evaluation import read_boxes, read_tracks, score
+
+SHARED_MEMORY = Path("/dev/shm")
+FIRST_PORT, DOMAIN_PORTS = 7400, 250
+"""DDS gives each domain its range of ports; a few below are shared by all domains."""
+RATE = "0.5"
+"""Slow enough for a busy machine of two cores to drop nothing, so that the boxes are those of `track`."""
+TOPICS = {
+    "/accumulator/frames",
+    "/clock",
+    "/diagnostics",
+    "/event_camera/events",
+    "/reconstruction/image_raw",
+    "/tracker/detections",
+    "/tracker/status",
+}
+
+
+class Demo:
+    """`python -m etd_ros demo` in a session and a ROS domain of its own."""
+
+    def __init__(self, output: Path, repository: Path, *arguments: str) -> None:
+        self.output = output
+        self.domain = next(DOMAINS)
+        self._memory_before = shared_memory()
+        self._log = output.with_name("demo.log")
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "PYTHONPATH": str(repository)}
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "etd_ros", "demo", "--output", str(output), *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                start_new_session=True,
+            )
+
+    @property
+    def text(self) -> str:
+        """What it has printed."""
+        return self._log.read_text()
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + TIMEOUT_S
+        while not condition():
+            assert self.process.poll() is None, f"it ended before {what}:\n{self.text}"
+            assert time.monotonic() < deadline_s, f"waited in vain until {what}:\n{self.text}"
+            time.sleep(0.05)
+
+    def leftovers(self) -> list[str]:
+        """Processes in its ROS domain, and shared memory made since its start that no process uses."""
+        mark = f"ROS_DOMAIN_ID={self.domain}".encode()
+        processes = [
+            command.replace(b"\0", b" ").decode()
+            for command, environment in running_processes()
+            if b"etd_ros" in command and mark in environment.split(b"\0")
+        ]
+        # Other tests may run on this machine: what a living process holds open, or lies in another domain, is theirs.
+        unused = shared_memory() - self._memory_before - shared_memory_in_use()
+        return processes + sorted(name for name in unused & shared_memory() if self._may_have_made(name))
+
+    def _may_have_made(self, name: str) -> bool:
+        port = re.search(r"port(\d+)", name)
+        return port is None or (int(port[1]) - FIRST_PORT) // DOMAIN_PORTS == self.domain
+
+    def close(self) -> None:
+        """End the whole session, whatever the demo has done."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+def shared_memory() -> set[str]:
+    return {path.name for path in SHARED_MEMORY.iterdir() if "fastrtps" in path.name or "fastdds" in path.name}
+
+
+def running_processes() -> Iterator[tuple[bytes, bytes]]:
+    """(command line, environment) of every process that can be looked at."""
+    for folder in process_folders():
+        with suppress(OSError):
+            yield (folder / "cmdline").read_bytes(), (folder / "environ").read_bytes()
+
+
+def shared_memory_in_use() -> set[str]:
+    """Names of the files in shared memory that a process has mapped or holds open."""
+    names: set[str] = set()
+    for folder in process_folders():
+        with suppress(OSError):
+            names.update(re.findall(rf"{SHARED_MEMORY}/(\S+)", (folder / "maps").read_text(errors="replace")))
+            for link in (folder / "fd").iterdir():
+                with suppress(OSError):
+                    names.add(link.readlink().name)
+    return names
+
+
+def process_folders() -> list[Path]:
+    """Processes that end while they are looked at, or belong to another user, raise OSError on reading."""
+    return [folder for folder in Path("/proc").iterdir() if folder.name.isdecimal()]
+
+
+@pytest.fixture(scope="module")
+def finished(repository, tmp_path_factory) -> Iterator[Demo]:
+    """A demo that has run to its end."""
+    demo = Demo(tmp_path_factory.mktemp("demo") / "results", repository, "--rate", RATE)
+    try:
+        demo.process.wait(timeout=3 * TIMEOUT_S)
+        yield demo
+    finally:
+        demo.close()
+
+
+@pytest.fixture(scope="module")
+def offline_tracks(repository, tmp_path_factory) -> Path:
+    output = tmp_path_factory.mktemp("offline") / "tracks.csv"
+    bundled = repository / "bags" / "demo"
+    assert main(["track", str(bundled), "--targets", str(bundled / "boxes.csv"), "--output", str(output)]) == 0
+    return output
+
+
+def test_the_demo_ends_well_and_leaves_its_results_but_no_process_and_no_shared_memory(finished):
+    assert finished.process.returncode == 0, finished.text
+    assert sorted(path.name for path in finished.output.iterdir()) == ["bag", "logs", "overlay.mp4", "tracks.csv"]
+    assert finished.leftovers() == []
+
+
+def test_its_boxes_are_those_of_track(finished, offline_tracks):
+    live, offline = read_tracks(finished.output / "tracks.csv"), read_tracks(offline_tracks)
+    assert live.keys() == offline.keys()
+    for name, rows in offline.items():
+        assert [(row.stamp_ns, row.state) for row in live[name]] == [(row.stamp_ns, row.state) for row in rows]
+        for row, other in zip(live[name], rows, strict=True):
+            assert (row.box is None) == (other.box is None)
+            assert row.box is None or row.box == pytest.approx(other.box, abs=1e-6)
+
+
+def test_it_prints_the_scores_and_the_last_states(finished, repository):
+    scores = score(read_tracks(finished.output / "tracks.csv"), read_boxes(repository / "bags" / "demo" / "boxes.csv"))
+    for name, value in scores.items():
+        assert re.search(rf"{name}\W+{value.ap:.3f}\W+{value.ar:.3f}\W+{value.n}\b", finished.text), finished.text
+        assert re.search(rf"target {name}\W+(tracking|recovering|lost)", finished.text), finished.text
+
+
+def test_its_video_has_a_picture_for_every_frame(finished):
+    capture = cv2.VideoCapture(str(finished.output / "overlay.mp4"))
+    pictures = 0
+    while capture.read()[0]:
+        pictures += 1
+    frames = {row.stamp_ns for rows in read_tracks(finished.output / "tracks.csv").values() for row in rows}
+    assert pictures == len(frames) > 100
+
+
+def test_its_bag_holds_everything_published_and_the_events_as_recorded(finished, repository):
+    with Reader(finished.output / "bag") as reader, Reader(repository / "bags" / "demo") as bundled:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        events = [connection for connection in reader.connections if connection.topic == "/event_camera/events"]
+        recorded = [bytes(data) for _, _, data in reader.messages(events)]
+        assert recorded == [bytes(data) for _, _, data in bundled.messages()]
+    assert counts.keys() == TOPICS
+    assert all(counts.values())
+    frames = {row.stamp_ns for rows in read_tracks(finished.output / "tracks.csv").values() for row in rows}
+    for topic in ("/accumulator/frames", "/reconstruction/image_raw", "/tracker/detections", "/tracker/status"):
+        assert counts[topic] == len(frames), topic
+
+
+def has_frames(output: Path) -> bool:
+    return any(file.stat().st_size > 1_000_000 for file in output.glob("bag/*.mcap"))
+
+
+def has_nodes(output: Path) -> bool:
+    return (output / "logs" / "tracker.log").exists()
+
+
+@pytest.mark.parametrize(
+    ("number", "to_group", "moment"),
+    [
+        (signal.SIGINT, True, has_frames),
+        (signal.SIGINT, False, has_frames),
+        (signal.SIGTERM, False, has_frames),
+        (signal.SIGINT, True, has_nodes),
+    ],
+    ids=["ctrl-c", "interrupt of the demo alone", "termination", "ctrl-c while the nodes start"],
+)
+def test_an_interrupted_demo_leaves_no_process_no_shared_memory_and_no_half_results(
+    tmp_path, repository, number, to_group, moment
+):
+    demo = Demo(tmp_path / "results", repository)
+    try:
+        demo.wait_until(lambda: moment(demo.output), "it is under way")
+        (os.killpg if to_group else os.kill)(demo.process.pid, number)
+        assert demo.process.wait(timeout=TIMEOUT_S) == 130, demo.text
+        assert "Traceback" not in demo.text
+        assert demo.leftovers() == []
+        assert sorted(path.name for path in demo.output.iterdir()) == ["bag", "logs"]
+        with Reader(demo.output / "bag") as reader:
+            assert {connection.topic for connection in reader.connections} <= TOPICS
+    finally:
+        demo.close()
+
+
+def test_a_second_demo_replaces_the_results_of_the_first_and_nothing_else(tmp_path, capsys):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "thesis.tex").write_text("mine")
+    assert main(["demo", "--output", str(tmp_path)]) == 2
+    assert "thesis.tex" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "thesis.tex"]
