@@ -58,7 +58,7 @@ class Pipeline(EtdNode):
         events = batch.events
         if self._engine is None or (events.width, events.height) != (self._engine.width, self._engine.height):
             self._engine = Engine(events.width, events.height, method=self.options.method, settings=self.settings)
-            self._targets.start_all(self._engine.tracker)
+            self._targets.start_all(self._engine.tracker, int(events.t[0]))
         elif batch.restart is not None:
             self._engine.reset()
         self._targets.start_new(self._engine.tracker)

@@ -15,7 +15,7 @@ from etd_ros.errors import EtdError
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
-from etd_ros.targets import TargetStart, parse_target, targets_from_file, unique_targets
+from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
 from etd_ros.tracking import METHODS, MultiTracker, TargetReport, TargetState
 from msg_adapters import (
     Detection,
@@ -50,22 +50,32 @@ class TargetInput:
     def __init__(self, node: EtdNode) -> None:
         self._node = node
         self._targets = {target.name: target for target in _from_options(node.options)}
-        self._new: list[TargetStart] = []
+        self._new: dict[str, TargetStart] = {}
         self._unnamed = 0
+        self._has_begun = False
         self._subscription = node.create_subscription(Detection2DArray, "~/targets", self._receive, FRAME_QOS, raw=True)
 
     def __len__(self) -> int:
         return len(self._targets)
 
-    def start_all(self, tracker: MultiTracker) -> None:
-        """Start every target on a new tracker."""
+    def start_all(self, tracker: MultiTracker, first_ns: int) -> None:
+        """Start every target on a new tracker.
+
+        Args:
+            tracker: the new tracker.
+            first_ns: earliest time (ns) that the first data may be of. Targets that start before it are counted as
+                errors when the node begins; they are tracked from the next frame on.
+        """
         self._new.clear()
-        for target in self._targets.values():
+        for target in tuple(self._targets.values()):
             self._start(tracker, target)
+            if not self._has_begun:
+                self._check_start(target, first_ns)
+        self._has_begun = True
 
     def start_new(self, tracker: MultiTracker) -> None:
         """Start, or start again, the targets that came since the last call."""
-        for target in self._new:
+        for target in self._new.values():
             self._start(tracker, target)
         self._new.clear()
 
@@ -76,6 +86,12 @@ class TargetInput:
             tracker.start(target.name, target.box, target.stamp_ns)
         except EtdError as err:
             self._targets.pop(target.name, None)
+            self._node.count_error(err)
+
+    def _check_start(self, target: TargetStart, first_ns: int) -> None:
+        try:
+            target.check_start(first_ns)
+        except TargetError as err:
             self._node.count_error(err)
 
     def _receive(self, message: bytes) -> None:
@@ -90,7 +106,7 @@ class TargetInput:
                 name = f"target_{self._unnamed}"
             target = TargetStart(name, detection.box, decoded.stamp_ns)
             self._targets[name] = target
-            self._new.append(target)
+            self._new[name] = target
 
 
 class TrackingOutput:

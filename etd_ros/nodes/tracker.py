@@ -21,6 +21,8 @@ from msg_adapters import ImageMessage, Layout, MessageError, decode_image
 
 EARLY_IMAGES_MAX = 64
 FLUSH_PERIOD_S = 0.1
+FIRST_FRAME_MAX_NS = 1_000_000_000
+"""How long before its stamp a stream's first frame may have begun: frames do not tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,17 +35,24 @@ class TrackerOptions(TrackingOptions):
 
 
 class FramePairs:
-    """Joins each frame with the image of the same stamp; a frame does not wait longer than `wait_s` seconds."""
+    """Joins each frame with the image of the same stamp.
 
-    def __init__(self, wait_s: float) -> None:
+    A frame does not wait longer than `wait_s` seconds, and all that wait hold at most `max_bytes`: beyond it the oldest
+    is tracked without its image.
+    """
+
+    def __init__(self, wait_s: float, max_bytes: int) -> None:
         self.frames_without_image = 0
         self.wait_s = wait_s
+        self._max_bytes = max_bytes
+        self._waiting_bytes = 0
         self._frames: deque[tuple[float, ImageMessage]] = deque()
         self._images: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
     def add_frame(self, frame: ImageMessage) -> None:
         """A frame has come."""
         self._frames.append((time.monotonic(), frame))
+        self._waiting_bytes += frame.data.nbytes
 
     def add_image(self, image: ImageMessage) -> None:
         """An image has come, before or after its frame."""
@@ -60,13 +69,15 @@ class FramePairs:
         if image is None and not self._is_overdue(arrived_s):
             return None
         self._frames.popleft()
+        self._waiting_bytes -= frame.data.nbytes
         self.frames_without_image += image is None
         return frame, image
 
     def _is_overdue(self, arrived_s: float) -> bool:
         """Images come in the frames' order: one of a later frame says that this one's will not come."""
         later_has_image = any(later.stamp_ns in self._images for _, later in list(self._frames)[1:])
-        return later_has_image or time.monotonic() - arrived_s >= self.wait_s
+        is_too_much = self._waiting_bytes > self._max_bytes
+        return later_has_image or is_too_much or time.monotonic() - arrived_s >= self.wait_s
 
 
 class Tracker(EtdNode):
@@ -77,7 +88,7 @@ class Tracker(EtdNode):
         self._targets = TargetInput(self)
         self._output = TrackingOutput(self)
         self._recovers = method_named(self.options.method).recovers
-        self._pairs = FramePairs(0.0)
+        self._pairs = FramePairs(0.0, int(self.options.queue_mib * 2**20))
         self._tracker: MultiTracker | None = None
         self._size = (0, 0)
         self._received = {"frames": 0, "images": 0}
@@ -163,7 +174,7 @@ class Tracker(EtdNode):
         if self._tracker is None or (width, height) != self._size:
             self._size = (width, height)
             self._tracker = make_tracker(self.options.method, width, height, self.settings)
-            self._targets.start_all(self._tracker)
+            self._targets.start_all(self._tracker, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports)
