@@ -22,7 +22,7 @@ from etd_ros.evaluation import read_boxes, read_tracks, score
 
 SHARED_MEMORY = Path("/dev/shm")
 FIRST_PORT, DOMAIN_PORTS = 7400, 250
-"""DDS gives each domain its range of ports; a few below are shared by all domains."""
+"""DDS gives each domain its range of ports."""
 RATE = "0.5"
 """Slow enough for a busy machine of two cores to drop nothing, so that the boxes are those of `track`."""
 TOPICS = {
@@ -42,7 +42,7 @@ class Demo:
     def __init__(self, output: Path, repository: Path, *arguments: str) -> None:
         self.output = output
         self.domain = next(DOMAINS)
-        self._memory_before = shared_memory()
+        self.memory: set[str] = set()
         self._log = output.with_name("demo.log")
         environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "PYTHONPATH": str(repository)}
         with self._log.open("w") as log:
@@ -66,22 +66,34 @@ class Demo:
             assert self.process.poll() is None, f"it ended before {what}:\n{self.text}"
             assert time.monotonic() < deadline_s, f"waited in vain until {what}:\n{self.text}"
             time.sleep(0.05)
+        self.watch()
+
+    def watch(self) -> None:
+        """Note the shared memory that its processes use now."""
+        for folder in self._processes():
+            with suppress(OSError):
+                self.memory |= {name for name in shared_memory_of(folder) if self._is_own(name)}
 
     def leftovers(self) -> list[str]:
-        """Processes in its ROS domain, and shared memory made since its start that no process uses."""
-        mark = f"ROS_DOMAIN_ID={self.domain}".encode()
-        processes = [
-            command.replace(b"\0", b" ").decode()
-            for command, environment in running_processes()
-            if b"etd_ros" in command and mark in environment.split(b"\0")
-        ]
-        # Other tests may run on this machine: what a living process holds open, or lies in another domain, is theirs.
-        unused = shared_memory() - self._memory_before - shared_memory_in_use()
-        return processes + sorted(name for name in unused & shared_memory() if self._may_have_made(name))
+        """Its processes that still run, and files in shared memory that it has used and nobody uses now."""
+        commands = [(folder / "cmdline").read_bytes().replace(b"\0", b" ").decode() for folder in self._processes()]
+        return commands + sorted(name for name in self.memory if (SHARED_MEMORY / name).exists())
 
-    def _may_have_made(self, name: str) -> bool:
+    def _processes(self) -> list[Path]:
+        mark = f"ROS_DOMAIN_ID={self.domain}".encode()
+        found = []
+        for folder in (folder for folder in Path("/proc").iterdir() if folder.name.isdecimal()):
+            # A process may end while it is looked at, or belong to another user.
+            with suppress(OSError):
+                is_etd_ros = b"etd_ros" in (folder / "cmdline").read_bytes()
+                if is_etd_ros and mark in (folder / "environ").read_bytes().split(b"\0"):
+                    found.append(folder)
+        return found
+
+    def _is_own(self, name: str) -> bool:
+        """A few ports are shared by all domains, and whoever else uses them now may leave them."""
         port = re.search(r"port(\d+)", name)
-        return port is None or (int(port[1]) - FIRST_PORT) // DOMAIN_PORTS == self.domain
+        return "fastrtps" in name and (port is None or (int(port[1]) - FIRST_PORT) // DOMAIN_PORTS == self.domain)
 
     def close(self) -> None:
         """End the whole session, whatever the demo has done."""
@@ -90,32 +102,9 @@ class Demo:
         self.process.wait()
 
 
-def shared_memory() -> set[str]:
-    return {path.name for path in SHARED_MEMORY.iterdir() if "fastrtps" in path.name or "fastdds" in path.name}
-
-
-def running_processes() -> Iterator[tuple[bytes, bytes]]:
-    """(command line, environment) of every process that can be looked at."""
-    for folder in process_folders():
-        with suppress(OSError):
-            yield (folder / "cmdline").read_bytes(), (folder / "environ").read_bytes()
-
-
-def shared_memory_in_use() -> set[str]:
-    """Names of the files in shared memory that a process has mapped or holds open."""
-    names: set[str] = set()
-    for folder in process_folders():
-        with suppress(OSError):
-            names.update(re.findall(rf"{SHARED_MEMORY}/(\S+)", (folder / "maps").read_text(errors="replace")))
-            for link in (folder / "fd").iterdir():
-                with suppress(OSError):
-                    names.add(link.readlink().name)
-    return names
-
-
-def process_folders() -> list[Path]:
-    """Processes that end while they are looked at, or belong to another user, raise OSError on reading."""
-    return [folder for folder in Path("/proc").iterdir() if folder.name.isdecimal()]
+def shared_memory_of(process: Path) -> set[str]:
+    """Names of the files in shared memory that a process has mapped."""
+    return set(re.findall(rf"{SHARED_MEMORY}/(\S+)", (process / "maps").read_text(errors="replace")))
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +112,8 @@ def finished(repository, tmp_path_factory) -> Iterator[Demo]:
     """A demo that has run to its end."""
     demo = Demo(tmp_path_factory.mktemp("demo") / "results", repository, "--rate", RATE)
     try:
-        demo.process.wait(timeout=3 * TIMEOUT_S)
+        demo.wait_until(lambda: has_frames(demo.output), "it is under way")
+        demo.process.wait(timeout=2 * TIMEOUT_S)
         yield demo
     finally:
         demo.close()
@@ -140,6 +130,7 @@ def offline_tracks(repository, tmp_path_factory) -> Path:
 def test_the_demo_ends_well_and_leaves_its_results_but_no_process_and_no_shared_memory(finished):
     assert finished.process.returncode == 0, finished.text
     assert sorted(path.name for path in finished.output.iterdir()) == ["bag", "logs", "overlay.mp4", "tracks.csv"]
+    assert finished.memory, "it has used shared memory"
     assert finished.leftovers() == []
 
 
