@@ -117,6 +117,9 @@ def run(recording: Path, truth: Path, output: Path, rate: float) -> int:
         EtdError: something is missing, or a process failed.
     """
     boxes = read_boxes(truth)
+    if output.resolve() in recording.resolve().parents:
+        msg = f"{output}: holds the recording {recording}, and results would replace it: choose another --output"
+        raise DemoError(msg)
     with open_recording(recording):
         output = _fresh_folder(output)
     _play_and_record(recording, truth, output, rate)

@@ -208,9 +208,17 @@ def test_an_interrupted_demo_leaves_no_process_no_shared_memory_and_no_half_resu
         demo.close()
 
 
-def test_a_second_demo_replaces_the_results_of_the_first_and_nothing_else(tmp_path, capsys):
+def test_a_folder_that_holds_more_than_a_demos_results_is_refused_and_left_alone(tmp_path, capsys):
     (tmp_path / "bag").mkdir()
     (tmp_path / "thesis.tex").write_text("mine")
     assert main(["demo", "--output", str(tmp_path)]) == 2
     assert "thesis.tex" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "thesis.tex"]
+
+
+def test_the_bag_of_a_demo_is_not_replaced_by_its_own_replay(finished, capsys):
+    bag = finished.output / "bag"
+    before = sorted(bag.iterdir())
+    assert main(["demo", "--recording", str(bag), "--output", str(finished.output)]) == 2
+    assert "choose another --output" in capsys.readouterr().err
+    assert sorted(bag.iterdir()) == before
