@@ -4,7 +4,7 @@ ros2 launch etd_ros camera.launch.py camera:=event_camera
 """
 
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -31,6 +31,10 @@ def generate_launch_description() -> LaunchDescription:
         name: ParameterValue(LaunchConfiguration(name), value_type=str)
         for name in ("method", "targets_file", "targets")
     }
+    conversion = PythonExpression(
+        ["'fixed_window' if '", LaunchConfiguration("method"), "' == 'etd-ftw' else 'atsltd'"]
+    )
+    converting = {"conversion": ParameterValue(conversion, value_type=str)}
     namespace = LaunchConfiguration("namespace")
 
     def node(name: str, **options: object) -> Node:
@@ -42,7 +46,7 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, (default, text) in ARGUMENTS.items()
             ),
-            node("accumulator", parameters=common, remappings=[events]),
+            node("accumulator", parameters=[*common, converting], remappings=[events]),
             node("reconstruction", parameters=common, remappings=[events]),
             node("tracker", parameters=[*common, tracking]),
         ]

@@ -4,7 +4,7 @@ ros2 launch etd_ros replay.launch.py recording:=/path/to/bag targets_file:=/path
 """
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
@@ -38,7 +38,8 @@ def generate_launch_description() -> LaunchDescription:
             LaunchConfiguration("rate"),
             "--clock",
             "--wait-for",
-            "2",
+            # Without recovery nobody asks for images, so the reconstruction reads no events.
+            PythonExpression(["1 if '", LaunchConfiguration("method"), "' == 'etd-nr' else 2"]),
         ],
     )
     declarations = [
