@@ -25,7 +25,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        *shared("config", "foxglove", "launch"),
+        *shared("config", "launch"),
     ],
     python_requires=">=3.10",
     install_requires=[

@@ -166,8 +166,9 @@ class EtdNode(Node):
         self._diagnostics.publish(encode_diagnostics([status], stamp_ns=stamp_ns, frame_id=""))
 
     def _say_what_is_missing(self) -> None:
-        for sentence in self.missing():
-            self.get_logger().info(sentence, throttle_duration_sec=2 * WARNING_PERIOD_S)
+        sentences = self.missing()
+        if sentences:
+            self.get_logger().info("; ".join(sentences), throttle_duration_sec=2 * WARNING_PERIOD_S)
 
     def _on_worker_error(self, err: Exception) -> None:
         if isinstance(err, EtdError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections import OrderedDict, deque
@@ -60,24 +61,29 @@ class FramePairs:
         while len(self._images) > EARLY_IMAGES_MAX:
             self._images.popitem(last=False)
 
-    def pop(self) -> tuple[ImageMessage, npt.NDArray[np.uint8] | None] | None:
-        """The oldest frame that is ready, with its image if there is one."""
+    def pop(self, known_until_s: float) -> tuple[ImageMessage, npt.NDArray[np.uint8] | None] | None:
+        """The oldest frame that is ready, with its image if there is one.
+
+        Args:
+            known_until_s: every image that came before this time (s, monotonic) has been added; -inf where that is
+                not known, so that no frame is given up while its image may be waiting for a busy worker.
+        """
         if not self._frames:
             return None
         arrived_s, frame = self._frames[0]
         image = self._images.pop(frame.stamp_ns, None)
-        if image is None and not self._is_overdue(arrived_s):
+        if image is None and not self._is_overdue(known_until_s - arrived_s):
             return None
         self._frames.popleft()
         self._waiting_bytes -= frame.data.nbytes
         self.frames_without_image += image is None
         return frame, image
 
-    def _is_overdue(self, arrived_s: float) -> bool:
+    def _is_overdue(self, waited_s: float) -> bool:
         """Images come in the frames' order: one of a later frame says that this one's will not come."""
         later_has_image = any(later.stamp_ns in self._images for _, later in list(self._frames)[1:])
         is_too_much = self._waiting_bytes > self._max_bytes
-        return later_has_image or is_too_much or time.monotonic() - arrived_s >= self.wait_s
+        return later_has_image or is_too_much or self.wait_s == 0 or waited_s >= self.wait_s
 
 
 class Tracker(EtdNode):
@@ -150,23 +156,24 @@ class Tracker(EtdNode):
             msg = f"{self._frames.topic_name}: encoding {frame.encoding} is not 8UC2: remap it to frames"
             raise MessageError(msg)
         self._pairs.add_frame(frame)
-        self._advance(b"")
+        self._advance()
 
     def _take_image(self, message: bytes) -> None:
         self._pairs.add_image(decode_image(message, Layout.ROS2))
-        self._advance(b"")
+        self._advance()
 
     def _flush(self) -> None:
         """Frames whose image is overdue go on without; where nobody makes images, none is waited for."""
         has_images = self._recovers and self.count_publishers(self._images.topic_name) > 0
         self._pairs.wait_s = self.options.image_wait_s if has_images else 0.0
-        self.worker.submit(self._advance, b"")
+        now_s = time.monotonic()
+        self.worker.submit(lambda _: self._advance(now_s), b"")
 
     def _forget(self, _: bytes) -> None:
         self._tracker = None
 
-    def _advance(self, _: bytes) -> None:
-        while (pair := self._pairs.pop()) is not None:
+    def _advance(self, known_until_s: float = -math.inf) -> None:
+        while (pair := self._pairs.pop(known_until_s)) is not None:
             self._track(*pair)
 
     def _track(self, frame: ImageMessage, image: npt.NDArray[np.uint8] | None) -> None:

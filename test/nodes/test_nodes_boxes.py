@@ -55,7 +55,7 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
         ),
         "the nodes are linked",
     )
-    replay = bench.start("replay", str(recording), "--wait-for", "2" if method == "etd" else "1")
+    replay = bench.start("replay", str(recording), "--rate", "0.5", "--wait-for", "2" if method == "etd" else "1")
     stamps = {stamp for _, stamp in expected}
     bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
     bench.wait_until(lambda: len(bench.messages["/tracker/status"]) >= len(stamps), "every frame is tracked")

@@ -1,5 +1,8 @@
 """Frames and images of one stamp find each other, and do not wait without bounds."""
 
+import math
+import time
+
 import numpy as np
 
 from etd_ros.nodes.tracker import FramePairs
@@ -17,10 +20,10 @@ def image(stamp_ns: int) -> ImageMessage:
     return ImageMessage(stamp_ns, "camera", "mono8", IMAGE)
 
 
-def popped(pairs: FramePairs) -> list[tuple[int, bool]]:
+def popped(pairs: FramePairs, known_until_s: float = -math.inf) -> list[tuple[int, bool]]:
     """(stamp, whether there is an image) of all frames that are ready."""
     found = []
-    while (pair := pairs.pop()) is not None:
+    while (pair := pairs.pop(known_until_s)) is not None:
         found.append((pair[0].stamp_ns, pair[1] is not None))
     return found
 
@@ -44,3 +47,16 @@ def test_frames_that_wait_hold_a_bounded_number_of_bytes():
     assert found == [(stamp_ns, False) for stamp_ns in range(7)]
     pairs.add_image(image(7))
     assert popped(pairs) == [(7, True)]
+
+
+def test_a_frame_is_given_up_only_where_every_image_of_its_wait_has_been_seen():
+    pairs = FramePairs(60.0, 1 << 20)
+    pairs.add_frame(frame(1))
+    assert popped(pairs, time.monotonic() + 59.0) == []
+    assert popped(pairs, time.monotonic() + 61.0) == [(1, False)]
+
+
+def test_without_a_wait_frames_go_on_at_once():
+    pairs = FramePairs(0.0, 1 << 20)
+    pairs.add_frame(frame(1))
+    assert popped(pairs) == [(1, False)]

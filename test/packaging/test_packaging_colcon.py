@@ -62,7 +62,7 @@ def test_the_index_marker_and_the_shared_files_are_installed(workspace: Path, re
     share = workspace / "install" / "etd_ros" / "share"
     assert (share / "ament_index" / "resource_index" / "packages" / "etd_ros").is_file()
     assert (share / "etd_ros" / "package.xml").is_file()
-    for folder in ("config", "foxglove", "launch"):
+    for folder in ("config", "launch"):
         expected = {path.name for path in (repository / folder).iterdir() if path.is_file()}
         assert {path.name for path in (share / "etd_ros" / folder).glob("*")} == expected
 
