@@ -14,6 +14,8 @@ EVENT_DTYPE = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
 """Structured form: time (ns), column, row, polarity (1 On, 0 Off)."""
 
 SENSOR_SIZE_MAX = 65535
+SENSOR_PIXELS_MAX = 2**25
+"""Most pixels that state is kept for; a message that claims more is damaged, and would take all memory."""
 
 
 class EventsError(EtdError):
@@ -130,4 +132,18 @@ def check_sensor_size(width: int, height: int) -> None:
     """
     if not (1 <= width <= SENSOR_SIZE_MAX and 1 <= height <= SENSOR_SIZE_MAX):
         msg = f"sensor size {width}x{height} is impossible: width and height must lie in 1..{SENSOR_SIZE_MAX}"
+        raise EventsError(msg)
+
+
+def check_pixel_map(width: int, height: int) -> None:
+    """Refuse sizes of which no state per pixel can be kept.
+
+    Raises:
+        EventsError: an impossible size, or more than 2^25 pixels.
+    """
+    check_sensor_size(width, height)
+    if width * height > SENSOR_PIXELS_MAX:
+        msg = (
+            f"sensor size {width}x{height} is more than {SENSOR_PIXELS_MAX} pixels: the recording or message is damaged"
+        )
         raise EventsError(msg)

@@ -100,7 +100,7 @@ class VideoWriter:
         if self._path.suffix.lower() != ".mp4":
             msg = f"{self._path}: videos are MP4 files; name it something.mp4"
             raise OverlayError(msg)
-        if self._path.is_dir() or not os.access(self._path.parent, os.W_OK):
+        if (self._path.exists() and not self._path.is_file()) or not os.access(self._path.parent, os.W_OK):
             msg = f"{self._path}: cannot be written; give a file in a folder that exists and may be written to"
             raise OverlayError(msg)
 

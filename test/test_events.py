@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etd_ros.events import EVENT_DTYPE, Events, EventsError, check_sensor_size, concatenate
+from etd_ros.events import EVENT_DTYPE, Events, EventsError, check_pixel_map, check_sensor_size, concatenate
 
 
 def make_events(times, width=10, height=8):
@@ -70,3 +70,9 @@ def test_a_wrong_dtype_is_named():
 def test_impossible_sensor_sizes_are_refused(size):
     with pytest.raises(EventsError, match="impossible"):
         check_sensor_size(*size)
+
+
+def test_state_is_kept_for_real_sensors_only():
+    check_pixel_map(4096, 4096)
+    with pytest.raises(EventsError, match="damaged"):
+        check_pixel_map(65535, 65535)

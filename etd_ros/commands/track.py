@@ -92,7 +92,7 @@ def _value(assignment: str, text: str) -> Any:
     """The value as YAML has it, but 1e-3 is a number here too."""
     try:
         value = yaml.safe_load(text)
-    except yaml.YAMLError as err:
+    except (yaml.YAMLError, ValueError, RecursionError) as err:
         msg = f"--set {assignment!r}: {text!r} is no value: give a number, a word or a list as in [1, 2]"
         raise ParameterError(msg) from err
     if isinstance(value, str):
@@ -108,6 +108,7 @@ def _check_outputs(*outputs: Path | None) -> None:
         OutputError: an output is a folder.
     """
     for output in outputs:
-        if output is not None and output.is_dir():
-            msg = f"{output}: cannot be written (is a folder): name a file"
+        if output is not None and output.exists() and not output.is_file():
+            kind = "a folder" if output.is_dir() else "no regular file"
+            msg = f"{output}: cannot be written (is {kind}): name a file"
             raise OutputError(msg)

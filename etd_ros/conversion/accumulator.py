@@ -10,7 +10,7 @@ from etd_ros.conversion.batches import check_batch
 from etd_ros.conversion.cells import CellMap, add_events, make_cell_map, map_nzge, read_out
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
-from etd_ros.events import Events, check_sensor_size
+from etd_ros.events import Events, check_pixel_map
 
 
 class FrameAccumulator:
@@ -32,7 +32,7 @@ class FrameAccumulator:
             EventsError: an impossible sensor size.
             ConversionError: cell_size or log_base out of range.
         """
-        check_sensor_size(width, height)
+        check_pixel_map(width, height)
         self.width = width
         self.height = height
         self.cells: CellMap = make_cell_map(width, height, cell_size, log_base)

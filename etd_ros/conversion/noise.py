@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.conversion.batches import TIME_MAX_NS, check_batch
-from etd_ros.events import Events, check_sensor_size
+from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
 
 NEVER_NS = -TIME_MAX_NS
@@ -41,7 +41,7 @@ class BackgroundActivityFilter:
         Raises:
             EventsError: an impossible sensor size.
         """
-        check_sensor_size(width, height)
+        check_pixel_map(width, height)
         self.config = config or NoiseFilterConfig()
         self._width = width
         self._height = height

@@ -150,6 +150,9 @@ def written_beside(path: Path) -> Iterator[TextIO]:
     Raises:
         EvaluationError: the file cannot be written.
     """
+    if path.exists() and not path.is_file():
+        msg = f"{path}: cannot be written (is no regular file, and would be replaced by one): name a file"
+        raise EvaluationError(msg)
     partial = path.with_name(f".{path.name}.partial")
     try:
         file = partial.open("w", newline="", encoding="utf-8")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.errors import EtdError
-from etd_ros.events import Events, check_sensor_size
+from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
 
 SPAN = 40.0
@@ -74,7 +74,7 @@ class HighPassFilter:
         Raises:
             EventsError: an impossible sensor size.
         """
-        check_sensor_size(width, height)
+        check_pixel_map(width, height)
         self.width = width
         self.height = height
         self._config = config or HighPassConfig()

@@ -172,6 +172,12 @@ def test_an_output_that_cannot_be_written_is_refused(capsys, place, bag, output,
     assert_refused(capsys, place, ["track", bag, "--target", TARGET, "--output", output, "--video", video], word)
 
 
+def test_an_output_that_is_no_regular_file_is_not_replaced_by_one(capsys, place, bag):
+    os.mkfifo(place / "pipe")
+    assert_refused(capsys, place, ["track", bag, "--target", TARGET, "--output", "pipe"], "pipe", "no regular file")
+    assert (place / "pipe").is_fifo()
+
+
 def test_an_older_result_survives_a_failure(capsys, place, tmp_path):
     (place / "tracks.csv").write_text("older")
     assert main(track(command_bags.message_cut_short(tmp_path / "bag"))) == 2
@@ -186,6 +192,8 @@ def test_an_older_result_survives_a_failure(capsys, place, tmp_path):
         (["--set", "tracking.failure_iou=nan"], ("failure_iou", "finite")),
         (["--set", "tracking.failure_iou=much"], ("failure_iou", "float")),
         (["--set", "tracking.failure_iou=["], ("failure_iou",)),
+        (["--set", "tracking.failure_iou=2020-13-45"], ("failure_iou",)),
+        (["--set", f"tracking.failure_iou={'9' * 5000}"], ("failure_iou",)),
         (["--set", "tracking.failure_iou"], ("NAME=VALUE",)),
         (["--set", "tracking.luck=1"], ("luck", "failure_iou")),
         (["--set", "luck=1"], ("luck", "tracking.failure_iou")),
