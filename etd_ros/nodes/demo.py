@@ -132,7 +132,9 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
     """Run the processes from the first node's start to the last box, recording everything."""
     _use_own_domain()
     with ExitStack() as stack:
-        signal.signal(signal.SIGTERM, _interrupt)
+        # Both, for a shell that starts a command in the background has it ignore Ctrl-C.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _interrupt)
         processes = stack.enter_context(Processes(output / "logs"))
         recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))
         monitor, spin_once = stack.enter_context(_monitor(recorder))
