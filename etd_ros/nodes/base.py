@@ -174,6 +174,8 @@ class EtdNode(Node):
         if isinstance(err, EtdError):
             self.count_error(err)
             return
+        if isinstance(err, RuntimeError) and not self.context.ok():
+            return  # the node was told to leave while it worked: nothing can be published any more
         self.errors += 1
         text = "".join(traceback.format_exception(err))
         self.get_logger().error(f"internal error, please report it:\n{text}", throttle_duration_sec=WARNING_PERIOD_S)

@@ -176,6 +176,10 @@ def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> 
             node.stopped.wait(LINGER_S)
         except KeyboardInterrupt:
             return 0
+        except RuntimeError:
+            # A signal ends ROS at any moment, and a message that was on its way then cannot be published any more.
+            if node.context.ok():
+                raise
         finally:
             node.destroy_node()
             rclpy.try_shutdown()

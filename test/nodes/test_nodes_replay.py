@@ -1,5 +1,8 @@
 """replay publishes what was recorded, when it was recorded."""
 
+import signal
+
+import pytest
 from event_camera_msgs.msg import EventPacket
 from rosgraph_msgs.msg import Clock
 
@@ -25,7 +28,8 @@ def test_event_packets_arrive_byte_for_byte_and_the_clock_runs(bench, data):
     assert replay.returncode == 0
 
 
-def test_a_loop_starts_again_until_it_is_interrupted(bench, data):
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_a_loop_starts_again_until_it_is_interrupted(bench, data, by):
     recording_path = data / "drivers" / "mono_1280x720"
     bench.listen(EVENTS, EventPacket, events=True)
     with open_recording(recording_path) as recording:
@@ -33,7 +37,7 @@ def test_a_loop_starts_again_until_it_is_interrupted(bench, data):
     bench.listen(topic, EventPacket, events=True)
     bench.start("replay", str(recording_path), "--loop")
     bench.wait_until(lambda: len(bench.messages[topic]) > 3 * sent, "the fourth round has begun")
-    assert bench.end("replay") == 0
+    assert bench.end("replay", by) == 0, bench.log("replay")
 
 
 def test_other_recordings_are_sent_as_mono_packets_with_the_same_events(data):
