@@ -15,6 +15,8 @@ from etd_ros.events import Events
 from etd_ros.parameters import Parameters, parameter
 
 NS_PER_S = 1_000_000_000
+LOST_MESSAGES_MAX = 1_000_000
+"""A sequence number that leaps farther says nothing about how many messages there were."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,7 @@ class Restart(str, Enum):
     SIZE = "the sensor size changed"
     ENCODING = "the encoding changed"
     GAP = "messages were lost"
-    """The publisher's sequence number did not go up by one."""
+    """The publisher's sequence number did not go up by one, while time went on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ class StreamCounters:
 
     Attributes:
         gaps: times that the sequence number did not go up by one.
-        lost_messages: messages missing in those gaps, where the number went forward.
+        lost_messages: messages missing in those gaps, where the number went forward, by a million at most.
         restarts: streams started after the first.
         clamped_events: events whose time was raised to the latest one seen.
     """
@@ -106,8 +108,9 @@ class StreamGuard:
     def _note_changes(self, events: Events, seq: int | None, encoding: str | None) -> None:
         if self._seq is not None and seq is not None and seq != self._seq + 1:
             self.counters.gaps += 1
-            self.counters.lost_messages += max(seq - self._seq - 1, 0)
-            self._end_stream(Restart.GAP)
+            lost = seq - self._seq - 1
+            self.counters.lost_messages += lost if 0 < lost <= LOST_MESSAGES_MAX else 0
+            self._end_stream(Restart.TIME_STEP_BACK if self._steps_back(events) else Restart.GAP)
         if self._encoding is not None and encoding is not None and encoding != self._encoding:
             self._end_stream(Restart.ENCODING)
         size = (events.width, events.height)
@@ -116,6 +119,12 @@ class StreamGuard:
         self._size = size
         self._seq = self._seq if seq is None else seq
         self._encoding = self._encoding if encoding is None else encoding
+
+    def _steps_back(self, events: Events) -> bool:
+        """Whether a batch starts too long before the stream's latest event, as where a bag loops."""
+        if self._latest_ns is None or not len(events):
+            return False
+        return int(events.t[0]) < self._latest_ns - self._step_back_max_ns
 
     def _end_stream(self, reason: Restart) -> None:
         # Before the first event there is no stream to end. A size outranks what came before it: it changes the most.

@@ -97,6 +97,22 @@ def test_a_sequence_that_starts_again_is_a_gap_of_unknown_length():
     assert guard.counters.lost_messages == 0
 
 
+def test_a_loop_of_numbered_messages_is_a_step_back_and_not_a_loss():
+    guard = StreamGuard()
+    list(guard.feed(events_at(1000 * MS), seq=9))
+    (batch,) = guard.feed(events_at(1 * MS), seq=0)
+    assert batch.restart is Restart.TIME_STEP_BACK
+    assert guard.counters.lost_messages == 0
+
+
+def test_a_senseless_sequence_number_does_not_count_as_losses():
+    guard = StreamGuard()
+    list(guard.feed(events_at(1 * MS), seq=1))
+    (batch,) = guard.feed(events_at(2 * MS), seq=2**60)
+    assert batch.restart is Restart.GAP
+    assert guard.counters.lost_messages == 0
+
+
 def test_a_gap_before_an_empty_batch_restarts_with_the_next_event():
     guard = StreamGuard()
     list(guard.feed(events_at(1), seq=1))

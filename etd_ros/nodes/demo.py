@@ -265,6 +265,7 @@ def _say_results(output: Path, scores: dict[str, Score]) -> None:
     for name, value in {**scores, "mean": mean_score(scores)}.items():
         table.add_row(name, f"{value.ap:.3f}", f"{value.ar:.3f}", str(value.n))
     console = Console()
+    console.print()
     console.print(table)
     for name, what in (("tracks.csv", "boxes"), ("overlay.mp4", "video"), ("bag", "everything published, mcap")):
         console.print(f"{output / name}  ({what})")
