@@ -39,7 +39,7 @@ class Restart(str, Enum):
     SIZE = "the sensor size changed"
     ENCODING = "the encoding changed"
     GAP = "messages were lost"
-    """The publisher's sequence number did not go up by one, while time went on."""
+    """The publisher's sequence number did not go up by one (where it went back with the time, a bag loops)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,8 @@ class StreamGuard:
             self.counters.gaps += 1
             lost = seq - self._seq - 1
             self.counters.lost_messages += lost if 0 < lost <= LOST_MESSAGES_MAX else 0
-            self._end_stream(Restart.TIME_STEP_BACK if self._steps_back(events) else Restart.GAP)
+            starts_again = lost < 0 and self._steps_back(events)
+            self._end_stream(Restart.TIME_STEP_BACK if starts_again else Restart.GAP)
         if self._encoding is not None and encoding is not None and encoding != self._encoding:
             self._end_stream(Restart.ENCODING)
         size = (events.width, events.height)
