@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -99,3 +101,29 @@ class FrameAccumulator:
         if self.events:
             self.finish(self.start_ns, FrameEnd.TIME_LIMIT)
         self._previous_ns = None
+
+
+class AccumulatingConverter(ABC):
+    """A `Converter` on a frame accumulator; subclasses say in `_frames` where frames end."""
+
+    def __init__(self, accumulator: FrameAccumulator) -> None:
+        self._accumulator = accumulator
+
+    def convert(self, events: Events) -> Iterator[Frame]:
+        """Take a batch that follows the last one in time; yield the frames that it finishes.
+
+        The batch is worked off as the iterator advances: exhaust it before the next batch.
+
+        Raises:
+            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+        """
+        self._accumulator.accept(events)
+        return self._frames(events)
+
+    def reset(self) -> None:
+        """Forget the unfinished frame: the next batch starts a new stream."""
+        self._accumulator.reset()
+
+    @abstractmethod
+    def _frames(self, events: Events) -> Iterator[Frame]:
+        """The frames that an accepted batch finishes."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cells import CHECKS_DTYPE, DURATION_MAX_NS, advance
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE, interval_from_statistics
@@ -43,7 +43,7 @@ class AtsltdConfig(Parameters):
             raise ParameterError(msg)
 
 
-class AtsltdConverter:
+class AtsltdConverter(AccumulatingConverter):
     """Events to ATSLTD frames; a `Converter`.
 
     A frame starts at T_{i-1}, the end of the last one (the stream's first event starts the first). It ends with its
@@ -74,24 +74,13 @@ class AtsltdConverter:
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
-        self._accumulator = FrameAccumulator(width, height, self.config.cell_size, self.config.log_base)
+        super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
         self._checks = np.zeros(1, CHECKS_DTYPE)
         self._restart_checks()
 
-    def convert(self, events: Events) -> Iterator[Frame]:
-        """Take a batch that follows the last one in time; yield the frames that it finishes.
-
-        The batch is worked off as the iterator advances: exhaust it before the next batch.
-
-        Raises:
-            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
-        """
-        self._accumulator.accept(events)
-        return self._frames(events)
-
     def reset(self) -> None:
         """Forget the unfinished frame: the next batch starts a new stream."""
-        self._accumulator.reset()
+        super().reset()
         self._restart_checks()
 
     def _frames(self, events: Events) -> Iterator[Frame]:

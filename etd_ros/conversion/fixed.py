@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cells import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.events import Events
@@ -21,7 +21,7 @@ class FixedWindowConfig(Parameters):
     )
 
 
-class FixedWindowConverter:
+class FixedWindowConverter(AccumulatingConverter):
     """Events to frames of one duration; a `Converter`.
 
     Window i holds the events with T_{i-1} < t <= T_i = T_0 + i * window_s, T_0 the time of the stream's first event
@@ -37,22 +37,7 @@ class FixedWindowConverter:
         """
         self.config = config or FixedWindowConfig()
         self._window_ns = round(self.config.window_s * 1e9)
-        self._accumulator = FrameAccumulator(width, height)
-
-    def convert(self, events: Events) -> Iterator[Frame]:
-        """Take a batch that follows the last one in time; yield the frames that it finishes.
-
-        The batch is worked off as the iterator advances: exhaust it before the next batch.
-
-        Raises:
-            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
-        """
-        self._accumulator.accept(events)
-        return self._frames(events)
-
-    def reset(self) -> None:
-        """Forget the unfinished frame: the next batch starts a new stream."""
-        self._accumulator.reset()
+        super().__init__(FrameAccumulator(width, height))
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
@@ -85,7 +70,7 @@ class FixedCountConfig(Parameters):
     )
 
 
-class FixedCountConverter:
+class FixedCountConverter(AccumulatingConverter):
     """Events to frames of one number of events, or of the longest duration (as in `AtsltdConverter`); a `Converter`.
 
     A frame starts at the end of the last one, T_{i-1}, and ends with its last event, T_i = t_count. Frames of no
@@ -100,22 +85,7 @@ class FixedCountConverter:
         """
         self.config = config or FixedCountConfig()
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
-        self._accumulator = FrameAccumulator(width, height)
-
-    def convert(self, events: Events) -> Iterator[Frame]:
-        """Take a batch that follows the last one in time; yield the frames that it finishes.
-
-        The batch is worked off as the iterator advances: exhaust it before the next batch.
-
-        Raises:
-            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
-        """
-        self._accumulator.accept(events)
-        return self._frames(events)
-
-    def reset(self) -> None:
-        """Forget the unfinished frame: the next batch starts a new stream."""
-        self._accumulator.reset()
+        super().__init__(FrameAccumulator(width, height))
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
