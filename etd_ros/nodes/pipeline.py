@@ -5,12 +5,11 @@ from __future__ import annotations
 import sys
 
 from sensor_msgs.msg import Image
-from std_srvs.srv import Trigger
 
 from etd_ros.engine import Engine, Step, make_tracker
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, run_node
 from etd_ros.nodes.event_input import EventInput
-from etd_ros.nodes.target_topics import TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, encode_image
@@ -27,7 +26,7 @@ class Pipeline(EtdNode):
         self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
         self._engine: Engine | None = None
         make_tracker(self.options.method, 1, 1, self.settings)
-        self._reset = self.create_service(Trigger, "~/reset", self._on_reset)
+        self._reset = ResetService(self, self._forget)
         self._input = EventInput(self, self._on_events, self._wanted)
 
     def diagnostics(self) -> dict[str, object]:
@@ -45,11 +44,6 @@ class Pipeline(EtdNode):
         return bool(
             self._output.subscribers or self._frames.get_subscription_count() or self._images.get_subscription_count()
         )
-
-    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.worker.submit(self._forget, b"")
-        response.success, response.message = True, "every target starts again at its box"
-        return response
 
     def _forget(self, _: bytes) -> None:
         self._engine = None

@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
+from etd_ros.nodes.worker import Handler
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
 from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
@@ -107,6 +109,20 @@ class TargetInput:
             target = TargetStart(name, detection.box, decoded.stamp_ns)
             self._targets[name] = target
             self._new[name] = target
+
+
+class ResetService:
+    """`~/reset`: has the worker call `forget`, after which every target starts again."""
+
+    def __init__(self, node: EtdNode, forget: Handler) -> None:
+        self._worker = node.worker
+        self._forget = forget
+        self._service = node.create_service(Trigger, "~/reset", self._on_request)
+
+    def _on_request(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._worker.submit(self._forget, b"")
+        response.success, response.message = True, "every target starts again at its box"
+        return response
 
 
 class TrackingOutput:

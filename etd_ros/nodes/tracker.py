@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image
-from std_srvs.srv import Trigger
 
 from etd_ros.engine import make_tracker
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, run_node
-from etd_ros.nodes.target_topics import TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
 from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import ImageMessage, Layout, MessageError, decode_image
@@ -106,7 +105,7 @@ class Tracker(EtdNode):
                 Image, "reconstruction/image_raw", self._on_image, FRAME_QOS, raw=True
             )
             self._name_input(self._images.topic_name, "images", "start `ros2 run etd_ros reconstruction`")
-        self._reset = self.create_service(Trigger, "~/reset", self._on_reset)
+        self._reset = ResetService(self, self._forget)
         self._flush_timer = self.every(FLUSH_PERIOD_S, self._flush)
 
     def diagnostics(self) -> dict[str, object]:
@@ -144,11 +143,6 @@ class Tracker(EtdNode):
     def _on_image(self, message: bytes) -> None:
         self._received["images"] += 1
         self.worker.submit(self._take_image, message)
-
-    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.worker.submit(self._forget, b"")
-        response.success, response.message = True, "every target starts again at its box"
-        return response
 
     def _take_frame(self, message: bytes) -> None:
         frame = decode_image(message, Layout.ROS2)

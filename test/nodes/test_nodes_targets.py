@@ -1,5 +1,7 @@
 """Targets that cannot be started are counted, and the others are tracked."""
 
+import pytest
+from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
 from msg_adapters import decode_detections
@@ -21,3 +23,14 @@ def test_targets_off_the_sensor_or_too_early_are_counted_and_the_others_are_trac
     assert names == {"early", "near"}
     assert bench.figure("pipeline", "targets") == "2"
     assert "internal error" not in bench.log("pipeline")
+
+
+@pytest.mark.parametrize("name", ["tracker", "pipeline"])
+def test_a_node_that_tracks_can_be_reset(bench, name):
+    client = bench.node.create_client(Trigger, f"/{name}/reset")
+    bench.start(name)
+    bench.wait_until(client.service_is_ready, "the service is there")
+    answer = client.call_async(Trigger.Request())
+    bench.wait_until(answer.done, "the service answers")
+    assert answer.result().success
+    assert bench.end(name) == 0
