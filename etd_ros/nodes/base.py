@@ -213,6 +213,11 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
         return 2
+    # Signals end the context at any moment; then whatever the node is in the middle of fails, each call in its own way.
+    except Exception:
+        if rclpy.ok():
+            raise
+        return 0
     finally:
         if node is not None:
             node.stop()

@@ -2,6 +2,8 @@
 
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,25 @@ def test_a_node_leaves_quietly_when_told_to(bench, name, by):
     bench.wait_until(lambda: name in bench.diagnostics, f"the {name} runs")
     assert bench.end(name, by) == 0
     assert "Traceback" not in bench.log(name)
+
+
+@pytest.mark.parametrize("by", ["SIGINT", "SIGTERM"])
+def test_a_node_that_is_told_to_leave_while_it_publishes_leaves_quietly(by):
+    program = f"""
+import signal, sys, time
+from etd_ros.nodes.base import EtdNode, NodeOptions, run_node
+
+class Publishing(EtdNode):
+    def diagnostics(self):
+        signal.raise_signal(signal.{by})
+        while self.context.ok():
+            time.sleep(0.001)
+        return {{}}
+
+sys.exit(run_node(lambda: Publishing("publishing", (), NodeOptions)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
