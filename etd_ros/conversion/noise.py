@@ -8,12 +8,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.conversion.batches import TIME_MAX_NS, check_batch
+from etd_ros.conversion.batches import check_batch
 from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
 
-NEVER_NS = -TIME_MAX_NS
 WINDOW_MAX_S = 10.0
+INT32_MAX = 2**31 - 1
+
+ONE = np.uint64(1)
+TWO = np.uint64(2)
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,10 @@ class BackgroundActivityFilter:
 
     The neighbour's event must come earlier in the stream; it may itself be noise. The pixel's own events do not count,
     so hot pixels are removed as well. What passes does not depend on how the events were cut into batches.
+
+    Each pixel holds the time of its neighbours' last event: an event reads one value and writes eight, which takes no
+    branch. Times count from a base that follows the stream, so that they fit 32 bits where the window does; events
+    with one window and sensor size cost the same whatever they show.
     """
 
     def __init__(self, width: int, height: int, config: NoiseFilterConfig | None = None) -> None:
@@ -47,8 +54,15 @@ class BackgroundActivityFilter:
         self._height = height
         self._window_ns = round(self.config.window_s * 1e9)
         self._previous_ns: int | None = None
+        dtype: type[np.signedinteger] = np.int32 if self._window_ns <= INT32_MAX else np.int64
+        self._never = int(np.iinfo(dtype).min)
+        # Half of 64 bits keeps base + span in them.
+        self._span_ns = INT32_MAX if dtype is np.int32 else 2**62
+        self._base_ns = 0
         # A border of one pixel that never has events spares the kernel all comparisons with the sensor's size.
-        self._last_ns = np.full((height + 2, width + 2), NEVER_NS, np.int64)
+        self._stride = np.uint64(width + 2)
+        self._neighbour_ns = np.full((height + 2) * (width + 2), self._never, dtype)
+        self._passing = np.empty(0, np.uint32)
 
     def filter(self, events: Events) -> Events:
         """The events of the stream's next batch that pass, in order; the batch itself if the filter is off.
@@ -59,41 +73,122 @@ class BackgroundActivityFilter:
         check_batch(events, self._width, self._height, self._previous_ns)
         if not len(events):
             return events
+        if self._previous_ns is None:
+            self._base_ns = int(events.t[0])
         self._previous_ns = int(events.t[-1])
         if not self._window_ns:
             return events
-        keep = np.empty(len(events), np.bool_)
-        _supported(self._last_ns, events.t, events.x, events.y, self._window_ns, keep)
-        t, x, y, p = events.t[keep], events.x[keep], events.y[keep], events.p[keep]
-        return Events(t, x, y, p, events.width, events.height)
+        return _taken(events, self._find_passing(events))
 
     def reset(self) -> None:
         """Forget all events: the next batch starts a new stream."""
         self._previous_ns = None
-        self._last_ns.fill(NEVER_NS)
+        self._neighbour_ns.fill(self._never)
+
+    def _find_passing(self, events: Events) -> npt.NDArray[np.uint32]:
+        """Indices of the events that pass; valid until the next batch."""
+        if len(self._passing) < len(events):
+            self._passing = np.empty(len(events), np.uint32)
+        first = count = 0
+        while first < len(events):
+            end = self._within_span(events.t, first)
+            count = _supported(
+                self._neighbour_ns,
+                self._stride,
+                events.t,
+                events.x,
+                events.y,
+                first,
+                end,
+                self._base_ns,
+                self._window_ns,
+                self._passing,
+                count,
+            )
+            first = end
+        return self._passing[:count]
+
+    def _within_span(self, t: npt.NDArray[np.int64], first: int) -> int:
+        """End of the events from `first` on whose times fit the map, moving its base to `first` if that one does not.
+
+        The base moves once in two seconds (in a century, with windows above that), so neither the pass over the map
+        nor the kernel's restart counts.
+        """
+        shift_ns = int(t[first]) - self._base_ns
+        if shift_ns > self._span_ns:
+            _rebase(self._neighbour_ns, shift_ns, self._never)
+            self._base_ns += shift_ns
+        return int(np.searchsorted(t, self._base_ns + self._span_ns, side="right"))
+
+
+def _taken(events: Events, indices: npt.NDArray[np.uint32]) -> Events:
+    """Copies of the events at the indices."""
+    count = len(indices)
+    t, x = np.empty(count, np.int64), np.empty(count, np.uint16)
+    y, p = np.empty(count, np.uint16), np.empty(count, np.uint8)
+    _gather(events.t, events.x, events.y, events.p, indices, t, x, y, p)
+    return Events(t, x, y, p, events.width, events.height)
 
 
 @njit(cache=True, nogil=True)
 def _supported(
-    last_ns: npt.NDArray[np.int64],
+    neighbour_ns: npt.NDArray[np.signedinteger],
+    stride: np.uint64,
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
+    first: int,
+    end: int,
+    base_ns: int,
     window_ns: int,
-    keep: npt.NDArray[np.bool_],
+    passing: npt.NDArray[np.uint32],
+    count: int,
+) -> int:
+    """Append the indices of the events first..end-1 that pass to the `count` ones in `passing`; the new count."""
+    # Unsigned indices spare the test for negative ones that count from the end.
+    found = np.uint64(count)
+    for i in range(first, end):
+        since_base_ns = t[i] - base_ns
+        above = np.uint64(y[i]) * stride + np.uint64(x[i])
+        own = above + stride
+        below = own + stride
+        latest_ns = neighbour_ns[own + ONE]
+        neighbour_ns[above] = since_base_ns
+        neighbour_ns[above + ONE] = since_base_ns
+        neighbour_ns[above + TWO] = since_base_ns
+        neighbour_ns[own] = since_base_ns
+        neighbour_ns[own + TWO] = since_base_ns
+        neighbour_ns[below] = since_base_ns
+        neighbour_ns[below + ONE] = since_base_ns
+        neighbour_ns[below + TWO] = since_base_ns
+        # Always written, counted only if it passes: noise is unpredictable, and so would be a branch.
+        passing[found] = i
+        found += np.uint64(latest_ns >= since_base_ns - window_ns)
+    return int(found)
+
+
+@njit(cache=True, nogil=True)
+def _rebase(neighbour_ns: npt.NDArray[np.signedinteger], shift_ns: int, never: int) -> None:
+    """Let times count from a base shift_ns later; those that do not fit any more are as good as never."""
+    for i in range(len(neighbour_ns)):
+        neighbour_ns[i] = max(neighbour_ns[i], never + shift_ns) - shift_ns
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    indices: npt.NDArray[np.uint32],
+    t_out: npt.NDArray[np.int64],
+    x_out: npt.NDArray[np.uint16],
+    y_out: npt.NDArray[np.uint16],
+    p_out: npt.NDArray[np.uint8],
 ) -> None:
-    for i in range(len(t)):
-        row = y[i] + 1
-        column = x[i] + 1
-        oldest_ns = t[i] - window_ns
-        keep[i] = (
-            last_ns[row - 1, column - 1] >= oldest_ns
-            or last_ns[row - 1, column] >= oldest_ns
-            or last_ns[row - 1, column + 1] >= oldest_ns
-            or last_ns[row, column - 1] >= oldest_ns
-            or last_ns[row, column + 1] >= oldest_ns
-            or last_ns[row + 1, column - 1] >= oldest_ns
-            or last_ns[row + 1, column] >= oldest_ns
-            or last_ns[row + 1, column + 1] >= oldest_ns
-        )
-        last_ns[row, column] = t[i]
+    for target in range(len(indices)):
+        source = indices[target]
+        t_out[target] = t[source]
+        x_out[target] = x[source]
+        y_out[target] = y[source]
+        p_out[target] = p[source]

@@ -1,12 +1,15 @@
 import numpy as np
 import pytest
-from conversion_oracles import cut, make_events, random_events
+from conversion_oracles import DATA, cut, make_events, random_events, slider_depth_events
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etd_ros.conversion import BackgroundActivityFilter, ConversionError, NoiseFilterConfig
+from etd_ros.events import concatenate
+from etd_ros.recordings import open_recording
 
 US = 1000
+SECOND = 10**9
 WINDOW = NoiseFilterConfig(window_s=100e-6)
 
 
@@ -30,6 +33,49 @@ def test_filter_passes_what_a_neighbour_supports_however_the_events_are_cut(seed
     assert keep.any()
     assert not keep.all()
     np.testing.assert_array_equal(passed, events.to_structured()[keep])
+
+
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from([0.5, 2.147483647, 2.147483648, 10.0]),
+    st.sampled_from([SECOND // 10, 2 * SECOND, 2**31, 2**33, 2**54]),
+    st.sampled_from([-(2**61), 0, 1_700_000_000 * SECOND]),
+    st.lists(st.integers(0, 100), max_size=4),
+)
+@settings(deadline=None, max_examples=60)
+def test_long_streams_gaps_and_windows_follow_the_same_definition(seed, window_s, step_ns, start_ns, cuts):
+    rng = np.random.default_rng(seed)
+    t = start_ns + np.cumsum(np.where(rng.random(100) < 0.7, rng.integers(0, 1000, 100), rng.integers(0, step_ns, 100)))
+    x, y = rng.integers(0, 3, 100), rng.integers(0, 3, 100)
+    events = make_events(t, x, y, np.ones(100), 3, 3)
+    noise_filter = BackgroundActivityFilter(3, 3, NoiseFilterConfig(window_s=window_s))
+    passed = np.concatenate([noise_filter.filter(batch).to_structured() for batch in cut(events, cuts)])
+    keep = literal_filter(events, round(window_s * SECOND))
+    np.testing.assert_array_equal(passed, events.to_structured()[keep])
+
+
+@pytest.mark.parametrize("window_s", [1e-3, 10e-3])
+@pytest.mark.parametrize("recording", ["slider_depth", "traffic"])
+def test_real_recordings_pass_as_defined(recording, window_s):
+    if recording == "slider_depth":
+        events = slider_depth_events(3)
+    else:
+        with open_recording(DATA / "traffic" / "traffic.aedat4") as traffic:
+            events = concatenate(list(traffic.events()))[:40_000]
+    noise_filter = BackgroundActivityFilter(events.width, events.height, NoiseFilterConfig(window_s=window_s))
+    keep = literal_filter(events, round(window_s * SECOND))
+    assert 0.05 < keep.mean() < 0.99
+    np.testing.assert_array_equal(noise_filter.filter(events).to_structured(), events.to_structured()[keep])
+
+
+def test_what_was_handed_out_stays_when_further_batches_come():
+    events = random_events(1, 4000, 12, 9, 4000 * US)
+    noise_filter = BackgroundActivityFilter(12, 9, WINDOW)
+    first = noise_filter.filter(events[:2000])
+    before = first.to_structured()
+    noise_filter.filter(events[2000:])
+    np.testing.assert_array_equal(first.to_structured(), before)
+    assert first.t.base is None, "no larger array is kept alive by what passed"
 
 
 def test_window_includes_its_end_and_a_pixel_does_not_support_itself():
