@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+import dataclasses
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +22,7 @@ from etd_ros.conversion import (
 from etd_ros.detection import EdgeBoxes
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
+from etd_ros.read_ahead import read_ahead
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.recovery import make_recovery
 from etd_ros.settings import Settings
@@ -30,8 +33,26 @@ from etd_ros.tracking import MultiTracker, TargetReport, method_named
 CONVERSIONS = ("atsltd", "fixed_window", "fixed_count")
 
 
+T = TypeVar("T")
+
+
 class EngineError(EtdError):
     """An engine that cannot be built or fed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What goes from stage to stage: a batch, and a frame that it finishes.
+
+    Attributes:
+        batch: with the batch's first part only.
+        frame: None where the batch finishes no frame.
+        image: the intensity image at the frame's stamp, uint8 (height, width), once it is made.
+    """
+
+    batch: StreamBatch | None
+    frame: Frame | None
+    image: npt.NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +85,84 @@ class FrameSource:
         """The frames that this batch finishes."""
         return self._converter.convert(self._filter.filter(events) if self._filter else events)
 
+    def parts(self, batch: StreamBatch) -> Iterator[Part]:
+        """The same for the stages that follow: a part for each frame, and one part where there is none."""
+        rest: StreamBatch | None = batch
+        for frame in self.frames(batch.events):
+            yield Part(rest, frame)
+            rest = None
+        if rest is not None:
+            yield Part(rest, None)
+
     def reset(self) -> None:
         """Start a new stream."""
         self._converter.reset()
         if self._filter:
             self._filter.reset()
+
+
+class ImageSource:
+    """Reconstruction: the stage that gives each frame its intensity image.
+
+    A frame ends with an event of its batch or before one, so its image is complete once that batch is known.
+    """
+
+    def __init__(self, width: int, height: int, settings: Settings) -> None:
+        self._reconstruction = SynchronisedReconstruction(HighPassFilter(width, height, settings.reconstruction))
+
+    def take(self, part: Part) -> Part:
+        """The part with its image.
+
+        Raises:
+            ReconstructionError: the batch is of another sensor size.
+            EngineError: the frame came without the batch that finished it.
+        """
+        # The stamp goes first: events held back for a stamp that is not known yet are bounded.
+        if part.frame is not None:
+            self._reconstruction.request(part.frame.stamp_ns)
+        if part.batch is not None:
+            self._reconstruction.push(part.batch.events)
+        if part.frame is None:
+            return part
+        images = dict(self._reconstruction.ready())
+        if list(images) != [part.frame.stamp_ns]:
+            msg = f"no image for the frame at {part.frame.stamp_ns} ns: the events that finished it were not given"
+            raise EngineError(msg)
+        return dataclasses.replace(part, image=images[part.frame.stamp_ns])
+
+    def reset(self) -> None:
+        """Start a new stream."""
+        self._reconstruction.reset()
+
+
+class _Stage(Protocol):
+    def reset(self) -> None: ...
+
+
+StageT = TypeVar("StageT", bound=_Stage)
+
+
+class PerSensor(Generic[StageT]):
+    """A stage that is made anew when the sensor size changes, and reset where a stream starts.
+
+    Args:
+        make: makes the stage for a width and a height (pixels).
+    """
+
+    def __init__(self, make: Callable[[int, int], StageT]) -> None:
+        self._make = make
+        self._size: tuple[int, int] | None = None
+        self._stage: StageT
+
+    def at(self, batch: StreamBatch) -> StageT:
+        """The stage for the next batch, and for what belongs to it."""
+        size = (batch.events.width, batch.events.height)
+        if size != self._size:
+            self._stage = self._make(*size)
+            self._size = size
+        elif batch.restart is not None:
+            self._stage.reset()
+        return self._stage
 
 
 def _make_converter(conversion: str, width: int, height: int, settings: Settings) -> Converter:
@@ -94,20 +188,15 @@ def make_tracker(method: str, width: int, height: int, settings: Settings) -> Mu
 
 
 class Engine:
-    """One sensor's events to boxes."""
+    """One sensor's events to boxes, all in the caller's thread."""
 
     def __init__(self, width: int, height: int, *, method: str = "etd", settings: Settings | None = None) -> None:
         settings = settings or Settings()
         self.width = width
         self.height = height
         self.tracker = make_tracker(method, width, height, settings)
-        self._source = FrameSource(method_named(method).conversion, width, height, settings)
-        self._reconstruction = (
-            SynchronisedReconstruction(HighPassFilter(width, height, settings.reconstruction))
-            if method_named(method).recovers
-            else None
-        )
-        self._waiting: deque[Frame] = deque()
+        self._frames = FrameSource(method_named(method).conversion, width, height, settings)
+        self._images = ImageSource(width, height, settings) if method_named(method).recovers else None
 
     def feed(self, events: Events) -> Iterator[Step]:
         """Take a batch that follows the last one in time; yield a step for each frame it finishes.
@@ -115,27 +204,14 @@ class Engine:
         Raises:
             ConversionError: the batch is of another sensor size.
         """
-        if self._reconstruction is None:
-            for frame in self._source.frames(events):
-                yield Step(frame, None, self.tracker.update(frame.stamp_ns, frame.data, None))
-            return
-        for frame in self._source.frames(events):
-            self._waiting.append(frame)
-            self._reconstruction.request(frame.stamp_ns)
-        self._reconstruction.push(events)
-        for stamp_ns, image in self._reconstruction.ready():
-            frame = self._waiting.popleft()
-            if frame.stamp_ns != stamp_ns:
-                msg = f"image at {stamp_ns} ns does not belong to the frame at {frame.stamp_ns} ns"
-                raise EngineError(msg)
-            yield Step(frame, image, self.tracker.update(stamp_ns, frame.data, image))
+        for part in self._frames.parts(StreamBatch(events, None)):
+            yield from _step(self.tracker, self._images.take(part) if self._images else part)
 
     def reset(self) -> None:
         """Start a new stream; the targets stay."""
-        self._source.reset()
-        self._waiting.clear()
-        if self._reconstruction:
-            self._reconstruction.reset()
+        self._frames.reset()
+        if self._images:
+            self._images.reset()
 
 
 def track(
@@ -144,24 +220,67 @@ def track(
     *,
     method: str = "etd",
     settings: Settings | None = None,
-) -> Iterator[Step]:
+    threads: bool = True,
+) -> Generator[Step, None, None]:
     """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
+
+    Args:
+        streams: read in another thread, a few batches ahead.
+        targets: what to track.
+        method: one of `METHODS`.
+        settings: of all stages.
+        threads: whether reading, conversion and reconstruction have a thread each beside the caller's, which tracks.
+            The steps are the same without.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
     targets = unique_targets(targets)
-    engine: Engine | None = None
+    with ExitStack() as stack:
+
+        def ahead(items: Iterable[T]) -> Iterable[T]:
+            # Closed here, also where an error keeps a stage, and with it the thread that feeds it, from being let go.
+            return stack.enter_context(closing(read_ahead(items))) if threads else items
+
+        parts = ahead(_frames(ahead(streams), method, settings))
+        if method_named(method).recovers:
+            parts = ahead(_images(parts, settings))
+        yield from _steps(parts, targets, method, settings)
+
+
+def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings) -> Iterator[Part]:
+    conversion = method_named(method).conversion
+    sources = PerSensor(lambda width, height: FrameSource(conversion, width, height, settings))
     for batch in streams:
-        events = batch.events
-        if engine is None or (events.width, events.height) != (engine.width, engine.height):
-            if engine is None:
+        yield from sources.at(batch).parts(batch)
+
+
+def _images(parts: Iterable[Part], settings: Settings) -> Iterator[Part]:
+    sources = PerSensor(lambda width, height: ImageSource(width, height, settings))
+    for part in parts:
+        if part.batch is not None:
+            source = sources.at(part.batch)
+        yield source.take(part)
+
+
+def _steps(parts: Iterable[Part], targets: list[TargetStart], method: str, settings: Settings) -> Iterator[Step]:
+    size: tuple[int, int] | None = None
+    for part in parts:
+        if part.batch is not None:
+            events = part.batch.events
+            if size is None:
                 for target in targets:
                     target.check_start(int(events.t[0]))
-            engine = Engine(events.width, events.height, method=method, settings=settings)
-            for target in targets:
-                engine.tracker.start(target.name, target.box, target.stamp_ns)
-        elif batch.restart is not None:
-            engine.reset()
-        yield from engine.feed(events)
+            if (events.width, events.height) != size:
+                size = (events.width, events.height)
+                tracker = make_tracker(method, *size, settings)
+                for target in targets:
+                    tracker.start(target.name, target.box, target.stamp_ns)
+        yield from _step(tracker, part)
+
+
+def _step(tracker: MultiTracker, part: Part) -> Iterator[Step]:
+    if part.frame is not None:
+        reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
+        yield Step(part.frame, part.image, reports)
