@@ -1,0 +1,189 @@
+"""`calibrate RECORDING`: the NZGE interval of a sensor, from frames with clear contours, as YAML for the nodes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import yaml
+from rich.console import Console
+from rich.progress import Progress
+
+from etd_ros.commands.clean_streams import without_noise
+from etd_ros.commands.output_files import check_outputs, write_beside
+from etd_ros.commands.progress import with_progress
+from etd_ros.commands.recording_options import add_recording_options
+from etd_ros.commands.track import read_settings
+from etd_ros.conversion import ConversionError
+from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
+from etd_ros.overlay import Picture
+from etd_ros.plots import caption_frame, check_matplotlib, histogram_png, sheet_png
+from etd_ros.recordings import open_recording
+from etd_ros.settings import Settings
+
+NEIGHBOUR_SCALES = (0.5, 1.0, 2.0)
+COMPARED = 6
+COMPARED_COLUMNS, COMPARED_WIDTH = 6, 256
+CHOSEN_COLUMNS, CHOSEN_WIDTH = 10, 152
+BAR_WIDTH = 50
+TEXT_BINS = 12
+DECIMALS = 4
+"""Of alpha and beta, as in the paper."""
+
+
+def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("calibrate", help="find a sensor's NZGE interval", description=__doc__)
+    add_recording_options(parser)
+    parser.add_argument("--output", type=Path, metavar="FILE.yaml", help="parameter file for the nodes and for track")
+    parser.add_argument("--sheet", type=Path, metavar="FILE.png", help="pictures of the frames that were chosen")
+    parser.add_argument("--histogram", type=Path, metavar="FILE.png", help="plot of their NZGE (needs Matplotlib)")
+    parser.add_argument("--samples", type=int, default=100, help="instants to take a frame at (default: %(default)s)")
+    parser.add_argument(
+        "--significance", type=float, default=0.05, help="of the t-interval, in (0, 1) (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="one parameter, e.g. noise_filter.window_s=0.01",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Sample frames, compute the interval, print and write it.
+
+    Raises:
+        ConversionError: too few clear frames, or an option out of range.
+    """
+    _check_options(options)
+    settings = read_settings(options.config, options.set)
+    name = options.recording.name
+    sheet = _Sheet() if options.sheet else None
+    values: list[float] = []
+    for sample in _samples(options, settings):
+        values.append(sample.nzge)
+        if sheet is not None:
+            sheet.add(sample)
+    try:
+        calibration = calibrate(np.array(values), options.significance)
+    except ConversionError as err:
+        msg = f"{options.recording}: {err}"
+        raise ConversionError(msg) from err
+    if sheet is not None:
+        write_beside(options.sheet, sheet.png(name))
+    if options.histogram is not None:
+        write_beside(options.histogram, histogram_png(calibration.values, calibration.interval, name))
+    if options.output is not None:
+        write_beside(options.output, parameter_file(calibration, settings, name, options.significance).encode())
+    _print(calibration, options.samples)
+    return 0
+
+
+def parameter_file(calibration: Calibration, settings: Settings, recording: str, significance: float) -> str:
+    """A ROS 2 parameter file with the interval and what it holds for: cells, logarithm, noise filter."""
+    alpha, beta = (round(bound, DECIMALS) for bound in calibration.interval)
+    parameters = {
+        "noise_filter": {"window_s": settings.noise_filter.window_s},
+        "atsltd": {
+            "nzge_interval": [alpha, beta],
+            "cell_size": settings.atsltd.cell_size,
+            "log_base": settings.atsltd.log_base,
+        },
+    }
+    lines = [
+        f"# NZGE interval, made by: python -m etd_ros calibrate {json.dumps(recording)}",
+        f"# {len(calibration.values)} frames with clear contours: mean {calibration.mean:.5f}, "
+        f"standard deviation {calibration.std:.5f}, significance {significance:g}",
+        yaml.safe_dump({"/**": {"ros__parameters": parameters}}, sort_keys=False, default_flow_style=None),
+    ]
+    return "\n".join(lines)
+
+
+@dataclass(slots=True)
+class _Sheet:
+    """Pictures of the frames as they come, so that their events need not be kept."""
+
+    chosen: list[Picture] = field(default_factory=list)
+    compared: list[list[Picture]] = field(default_factory=list)
+
+    def add(self, sample: Sample) -> None:
+        data = sample.frame_data()
+        self.chosen.append(caption_frame(data, CHOSEN_WIDTH, f"{sample.nzge:.4f} {sample.duration_s * 1e3:.4g} ms"))
+        captions = ("half as long", f"chosen: NZGE {sample.nzge:.4f}", "twice as long")
+        self.compared.append(
+            [
+                caption_frame(sample.frame_data(scale), COMPARED_WIDTH, caption)
+                for scale, caption in zip(NEIGHBOUR_SCALES, captions, strict=True)
+            ]
+        )
+
+    def png(self, name: str) -> bytes:
+        shown = np.unique(np.linspace(0, len(self.compared) - 1, COMPARED).round().astype(int))
+        compared = [picture for index in shown for picture in self.compared[index]]
+        return sheet_png(
+            [
+                (f"{name}: frames of half, once and twice the events", compared, COMPARED_COLUMNS),
+                (f"all {len(self.chosen)} frames chosen: NZGE, duration", self.chosen, CHOSEN_COLUMNS),
+            ]
+        )
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    if options.samples < 1:
+        msg = f"--samples {options.samples} is no number of frames: give 1 or more, as in 100"
+        raise ConversionError(msg)
+    if not 0 < options.significance < 1:
+        msg = f"--significance {options.significance:g} is out of range: give a number between 0 and 1, as in 0.05"
+        raise ConversionError(msg)
+    check_outputs(options.output, options.sheet, options.histogram)
+    if options.histogram is not None:
+        check_matplotlib()
+
+
+def _samples(options: argparse.Namespace, settings: Settings) -> Iterator[Sample]:
+    """Clear frames at instants equally far apart in events: the recording is read once to count these."""
+    with open_recording(options.recording, topic=options.topic, size=options.size) as recording:
+        with with_progress(
+            without_noise(recording.streams(settings.stream), settings.noise_filter), "counting"
+        ) as batches:
+            total = sum(len(batch.events) for batch in batches)
+        spacing = max(1, total // options.samples)
+        batches = without_noise(recording.streams(settings.stream), settings.noise_filter)
+        grid = settings.atsltd.cell_size, settings.atsltd.log_base
+        yield from _tracked(clear_frames(batches, spacing, CalibrationConfig(), *grid), options.samples)
+
+
+def _tracked(samples: Iterator[Sample], instants: int) -> Iterator[Sample]:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield from progress.track(samples, total=instants, description="sampling clear frames")
+
+
+def _print(calibration: Calibration, instants: int) -> None:
+    values, (alpha, beta) = calibration.values, calibration.interval
+    print(f"frames with clear contours: {len(values)} of {instants} instants")
+    print(f"NZGE: mean {calibration.mean:.5f}, standard deviation {calibration.std:.5f}")
+    print(f"[alpha, beta] = [{alpha:.{DECIMALS}f}, {beta:.{DECIMALS}f}]")
+    print(text_histogram(calibration), end="")
+
+
+def text_histogram(calibration: Calibration) -> str:
+    """A line per bin: from where on, a bar, the number of frames; bins that [alpha, beta] touches are marked."""
+    counts, edges = np.histogram(calibration.values, bins=TEXT_BINS)
+    alpha, beta = calibration.interval
+    lines = []
+    for count, low, high in zip(counts, edges, edges[1:], strict=False):
+        mark = "|" if low <= beta and high >= alpha else " "
+        bar = "\u2588" * round(BAR_WIDTH * count / counts.max())
+        lines.append(f"{low:.4f} {mark} {bar} {count}\n")
+    return "".join(lines)
