@@ -27,8 +27,10 @@ from etd_ros.settings import Settings
 
 NEIGHBOUR_SCALES = (0.5, 1.0, 2.0)
 COMPARED = 6
-COMPARED_COLUMNS, COMPARED_WIDTH = 6, 256
-CHOSEN_COLUMNS, CHOSEN_WIDTH = 10, 152
+"""Instants at which the sheet shows the shorter and the longer frame too."""
+
+COMPARED_WIDTH = 256
+CHOSEN_WIDTH = 152
 BAR_WIDTH = 50
 TEXT_BINS = 12
 DECIMALS = 4
@@ -68,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     _check_options(options)
     settings = read_settings(options.config, options.set)
     name = options.recording.name
-    sheet = _Sheet() if options.sheet else None
+    sheet = _Sheet(options.samples) if options.sheet else None
     values: list[float] = []
     for sample in _samples(options, settings):
         values.append(sample.nzge)
@@ -113,27 +115,23 @@ def parameter_file(calibration: Calibration, settings: Settings, recording: str,
 class _Sheet:
     """Pictures of the frames as they come, so that their events need not be kept."""
 
+    instants: int
     chosen: list[Picture] = field(default_factory=list)
-    compared: list[list[Picture]] = field(default_factory=list)
+    compared: list[Picture] = field(default_factory=list)
 
     def add(self, sample: Sample) -> None:
-        data = sample.frame_data()
-        self.chosen.append(caption_frame(data, CHOSEN_WIDTH, f"{sample.nzge:.4f} {sample.duration_s * 1e3:.4g} ms"))
-        captions = ("half as long", f"chosen: NZGE {sample.nzge:.4f}", "twice as long")
-        self.compared.append(
-            [
-                caption_frame(sample.frame_data(scale), COMPARED_WIDTH, caption)
-                for scale, caption in zip(NEIGHBOUR_SCALES, captions, strict=True)
-            ]
-        )
+        if len(self.chosen) % max(1, self.instants // COMPARED) == 0:
+            captions = ("half the events", f"chosen: NZGE {sample.nzge:.4f}", "twice the events")
+            for scale, caption in zip(NEIGHBOUR_SCALES, captions, strict=True):
+                self.compared.append(caption_frame(sample.frame_data(scale), COMPARED_WIDTH, caption))
+        caption = f"{sample.nzge:.4f} {sample.duration_s * 1e3:.4g} ms"
+        self.chosen.append(caption_frame(sample.frame_data(), CHOSEN_WIDTH, caption))
 
     def png(self, name: str) -> bytes:
-        shown = np.unique(np.linspace(0, len(self.compared) - 1, COMPARED).round().astype(int))
-        compared = [picture for index in shown for picture in self.compared[index]]
         return sheet_png(
             [
-                (f"{name}: frames of half, once and twice the events", compared, COMPARED_COLUMNS),
-                (f"all {len(self.chosen)} frames chosen: NZGE, duration", self.chosen, CHOSEN_COLUMNS),
+                (f"{name}: the frame chosen at some instants, between a shorter and a longer one", self.compared, 6),
+                (f"all {len(self.chosen)} frames chosen: NZGE, duration", self.chosen, 10),
             ]
         )
 
