@@ -18,6 +18,10 @@ from etd_ros.overlay import FONT, GROUND, TEXT, Picture, draw_overlay
 CAPTION_HEIGHT = 18
 CAPTION_SCALE = 0.4
 GAP = 4
+BUSY_PERCENTILES = (3, 97)
+BUSY_MARGIN = 0.05
+"""On each side (of the sensor's height and width)."""
+
 HISTOGRAM_BINS = 20
 DPI = 110
 END_COLOURS = {
@@ -51,20 +55,39 @@ class NzgeCurve:
     interval: tuple[float, float]
 
 
-def caption_frame(data: npt.NDArray[np.uint8], width: int, caption: str) -> Picture:
-    """A frame `width` pixels wide (On blue, Off red, fading as they decay) with a line of text below it.
+def caption_frame(data: npt.NDArray[np.uint8], size: tuple[int, int], caption: str) -> Picture:
+    """A frame (On blue, Off red, fading as they decay) with a line of text below it.
 
     Args:
         data: uint8, shape (h, w, 2).
-        width: of the picture (pixels).
+        size: width and height that the frame is scaled to (pixels).
         caption: what to write; ASCII.
     """
+    width = size[0]
     scale = width / data.shape[1]
-    height = max(1, round(data.shape[0] * scale))
-    picture = cv2.resize(draw_overlay(data, (), scale=scale)[:height], (width, height))
+    drawn = draw_overlay(data, (), scale=scale)[: max(1, round(data.shape[0] * scale))]
     bar = np.full((CAPTION_HEIGHT, width, 3), GROUND, np.uint8)
     cv2.putText(bar, caption, (3, CAPTION_HEIGHT - 5), FONT, CAPTION_SCALE, TEXT, 1, cv2.LINE_AA)
-    return np.vstack([picture, bar])
+    return np.vstack([cv2.resize(drawn, size), bar])
+
+
+def busy_window(data: npt.NDArray[np.uint8]) -> tuple[slice, slice]:
+    """Rows and columns round nearly all events of a frame, in the frame's proportions: small things become visible.
+
+    Args:
+        data: uint8, shape (h, w, 2).
+    """
+    height, width, _ = data.shape
+    rows, columns = np.nonzero(data.any(axis=2))
+    if not len(rows):
+        return slice(0, height), slice(0, width)
+    top, bottom = np.percentile(rows, BUSY_PERCENTILES)
+    left, right = np.percentile(columns, BUSY_PERCENTILES)
+    share = max((bottom - top) / height, (right - left) / width) + 2 * BUSY_MARGIN
+    window_height, window_width = (min(size, max(1, round(size * share))) for size in (height, width))
+    first_row = int(np.clip((top + bottom - window_height) / 2, 0, height - window_height))
+    first_column = int(np.clip((left + right - window_width) / 2, 0, width - window_width))
+    return slice(first_row, first_row + window_height), slice(first_column, first_column + window_width)
 
 
 def sheet_png(sections: Sequence[tuple[str, Sequence[Picture], int]]) -> bytes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 from rich.console import Console
 from rich.progress import Progress
@@ -21,7 +22,7 @@ from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError
 from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
 from etd_ros.overlay import Picture
-from etd_ros.plots import caption_frame, check_matplotlib, histogram_png, sheet_png
+from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings
 
@@ -120,12 +121,16 @@ class _Sheet:
     compared: list[Picture] = field(default_factory=list)
 
     def add(self, sample: Sample) -> None:
+        """Draw a sample's frame, and at some instants the shorter and the longer one."""
+        data = sample.frame_data()
+        window = busy_window(data)
         if len(self.chosen) % max(1, self.instants // COMPARED) == 0:
             captions = ("half the events", f"chosen: NZGE {sample.nzge:.4f}", "twice the events")
             for scale, caption in zip(NEIGHBOUR_SCALES, captions, strict=True):
-                self.compared.append(caption_frame(sample.frame_data(scale), COMPARED_WIDTH, caption))
+                picture = caption_frame(sample.frame_data(scale)[window], _size(data, COMPARED_WIDTH), caption)
+                self.compared.append(picture)
         caption = f"{sample.nzge:.4f} {sample.duration_s * 1e3:.4g} ms"
-        self.chosen.append(caption_frame(sample.frame_data(), CHOSEN_WIDTH, caption))
+        self.chosen.append(caption_frame(data[window], _size(data, CHOSEN_WIDTH), caption))
 
     def png(self, name: str) -> bytes:
         return sheet_png(
@@ -134,6 +139,10 @@ class _Sheet:
                 (f"all {len(self.chosen)} frames chosen: NZGE, duration", self.chosen, 10),
             ]
         )
+
+
+def _size(data: npt.NDArray[np.uint8], width: int) -> tuple[int, int]:
+    return width, max(1, round(width * data.shape[0] / data.shape[1]))
 
 
 def _check_options(options: argparse.Namespace) -> None:
