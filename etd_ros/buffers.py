@@ -1,0 +1,97 @@
+"""Arrays that are used again: message after message is decoded without allocating anything.
+
+Nobody has to give an array back. The pool keeps a reference to all that it lends; an array that nobody else refers to
+any more is free, and a view of it (a slice, another dtype) counts as a reference for as long as it lives. So whoever
+keeps what he was given is always safe, and whoever lets go of it makes room for the next.
+"""
+
+from __future__ import annotations
+
+from sys import getrefcount
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Arrays = tuple[npt.NDArray[Any], ...]
+"""Parallel arrays of one length."""
+
+LENGTH_MIN = 1024
+"""Shortest arrays that are allocated (items)."""
+
+LENGTH_SHORT = 65536
+"""Arrays up to this length (items) are lent to anybody, however few items are asked for."""
+
+LENGTH_STEPS = 4
+"""Lengths are rounded up to the next of this many steps between powers of two: messages differ a little in size."""
+
+EXCESS_MAX = 16
+"""Longer arrays are not lent where less than this part of them is asked for."""
+
+PATIENCE = 64
+"""Takes after which the pool lets go of arrays that it did not lend again."""
+
+
+class ArrayPool:
+    """Lends groups of parallel, uninitialised arrays.
+
+    It holds on to at most `PATIENCE` groups, those lent last. So a message of unusual size does not hold its memory for
+    ever, and a consumer that keeps everything costs no more than without a pool.
+
+    One thread takes; what was taken may be used and let go of by any thread. References are counted, so addresses
+    handed to foreign code (ctypes) need an array kept alive beside them.
+
+    Args:
+        dtypes: of the arrays of a group.
+    """
+
+    def __init__(self, *dtypes: npt.DTypeLike) -> None:
+        self._dtypes = tuple(np.dtype(dtype) for dtype in dtypes)
+        # In the order lent: those lent last are still in the processor's cache, those lent first are let go.
+        self._groups: list[_Group] = []
+        self._takes = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays that the pool holds, lent or free (bytes)."""
+        return sum(array.nbytes for group in self._groups for array in group.arrays)
+
+    def take(self, length: int) -> Arrays:
+        """A group of arrays of one length, at least `length` items, whose content is undefined."""
+        self._takes += 1
+        group = self._free(length) or _Group(self._dtypes, _rounded(length))
+        group.taken = self._takes
+        self._groups.append(group)
+        if self._takes - self._groups[0].taken >= PATIENCE:
+            del self._groups[0]
+        return group.arrays
+
+    def _free(self, length: int) -> _Group | None:
+        """Removes the free group of fitting length that was lent last."""
+        longest = max(EXCESS_MAX * length, LENGTH_SHORT)
+        for place in range(len(self._groups) - 1, -1, -1):
+            group = self._groups[place]
+            if length <= group.length <= longest and group.is_free():
+                return self._groups.pop(place)
+        return None
+
+
+class _Group:
+    __slots__ = ("_references_when_free", "arrays", "length", "taken")
+
+    def __init__(self, dtypes: tuple[np.dtype[Any], ...], length: int) -> None:
+        self.length = length
+        self.arrays: Arrays = tuple([np.empty(length, dtype) for dtype in dtypes])
+        self.taken = 0
+        # Measured, because interpreters differ in what they count.
+        self._references_when_free = [*map(getrefcount, self.arrays)], getrefcount(self.arrays)
+
+    def is_free(self) -> bool:
+        of_each, of_group = self._references_when_free
+        # The tuple is looked at too: a caller may hold it and have no name for its arrays.
+        return [*map(getrefcount, self.arrays)] == of_each and getrefcount(self.arrays) == of_group
+
+
+def _rounded(length: int) -> int:
+    step = max(1 << max(length - 1, 1).bit_length() - 1, LENGTH_MIN) // LENGTH_STEPS
+    return max(-(-length // step) * step, LENGTH_MIN)
