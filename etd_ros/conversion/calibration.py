@@ -208,7 +208,7 @@ def clear_frames(
 ) -> Iterator[Sample]:
     """The clearest frame of each of many instants, where there is one.
 
-    The instants lie `spacing` events apart, or farther where a sample is longer, since samples that share events are
+    The instants lie `spacing` events apart, or farther where a frame is longer, since samples that share events are
     not independent. No frame is longer than `config.duration_max_s` or has more events than the sensor has pixels.
 
     Args:
@@ -270,7 +270,7 @@ class _Sampler:
         events = concatenate(self._held)
         in_time = int(np.searchsorted(events.t, int(events.t[0]) + self._duration_max_ns, side="right"))
         sample = clearest_frame(events[: min(in_time, events.width * events.height)], self._config, *self._grid)
-        advance = max(self._spacing, sample.count if sample else 0)
+        advance = max(self._spacing, sample.count if sample else self._config.events_min)
         self._to_skip = max(0, advance - len(events))
         self._held = [events[advance:]] if advance < len(events) else []
         if sample is not None:
