@@ -33,9 +33,6 @@ from etd_ros.tracking import MultiTracker, TargetReport, method_named
 CONVERSIONS = ("atsltd", "fixed_window", "fixed_count")
 
 
-T = TypeVar("T")
-
-
 class EngineError(EtdError):
     """An engine that cannot be built or fed."""
 
@@ -225,12 +222,12 @@ def track(
     """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
 
     Args:
-        streams: read in another thread, a few batches ahead.
+        streams: iterated in another thread, some frames ahead.
         targets: what to track.
         method: one of `METHODS`.
         settings: of all stages.
-        threads: whether reading, conversion and reconstruction have a thread each beside the caller's, which tracks.
-            The steps are the same without.
+        threads: whether conversion (with the reading of `streams`) and reconstruction have a thread each beside the
+            caller's, which tracks. The steps are the same without.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
@@ -239,11 +236,11 @@ def track(
     targets = unique_targets(targets)
     with ExitStack() as stack:
 
-        def ahead(items: Iterable[T]) -> Iterable[T]:
+        def ahead(items: Iterator[Part]) -> Iterator[Part]:
             # Closed here, also where an error keeps a stage, and with it the thread that feeds it, from being let go.
             return stack.enter_context(closing(read_ahead(items))) if threads else items
 
-        parts = ahead(_frames(ahead(streams), method, settings))
+        parts = ahead(_frames(streams, method, settings))
         if method_named(method).recovers:
             parts = ahead(_images(parts, settings))
         yield from _steps(parts, targets, method, settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from etd_ros.boxes import Box, BoxError
 from etd_ros.conversion import ConversionError
-from etd_ros.engine import Engine, EngineError, FrameSource, Step, track
+from etd_ros.engine import Engine, EngineError, FrameSource, ImageSource, Part, Step, track
 from etd_ros.events import Events, concatenate
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import Settings, settings_from_mapping
@@ -38,6 +39,7 @@ def make_events(start_ns: int = START_NS, duration_s: float = 0.25) -> Events:
 
 
 EVENTS = make_events()
+LARGER = Events(EVENTS.t + 10**10, EVENTS.x, EVENTS.y, EVENTS.p, WIDTH + 30, HEIGHT + 10)
 
 
 def cut_at(events: Events, cuts: Sequence[int]) -> list[StreamBatch]:
@@ -132,9 +134,8 @@ def test_a_restart_drops_the_unfinished_frame():
 
 
 def test_a_new_size_makes_a_new_engine():
-    larger = Events(EVENTS.t + 10**9, EVENTS.x, EVENTS.y, EVENTS.p, WIDTH + 30, HEIGHT + 10)
     guard = StreamGuard()
-    streams = [batch for events in (EVENTS, larger) for batch in guard.feed(events)]
+    streams = [batch for events in (EVENTS, LARGER) for batch in guard.feed(events)]
     assert streams[1].restart is Restart.SIZE
     target = TargetStart("square", BOX, START_NS)
     steps = tracked(streams, target)
@@ -203,3 +204,45 @@ def test_the_noise_filter_goes_before_every_conversion(conversion):
         for chosen in (quiet, plain)
     )
     assert 0 < kept < everything
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_threads_change_nothing(method):
+    streams = [
+        *cut_at(EVENTS, range(0, len(EVENTS), 700)),
+        StreamBatch(make_events(START_NS + 2_000_000_000), Restart.GAP),
+        StreamBatch(LARGER, Restart.SIZE),
+    ]
+    targets = [TargetStart("square", BOX), TargetStart("late", BOX, START_NS + 100_000_000)]
+    with_threads, without = (list(track(streams, targets, method=method, threads=threads)) for threads in (True, False))
+    assert len(without) > 20
+    assert rows(with_threads) == rows(without)
+
+
+def test_stopping_early_leaves_no_thread_behind():
+    before = threading.active_count()
+    steps = track(cut_at(EVENTS, range(0, len(EVENTS), 100)), [TargetStart("square", BOX)])
+    assert next(steps)
+    assert threading.active_count() > before
+    steps.close()
+    assert threading.active_count() == before
+
+
+def test_an_error_of_the_recording_comes_after_the_steps_before_it_and_leaves_no_thread_behind():
+    def broken():
+        yield from cut_at(EVENTS, range(0, len(EVENTS), 700))
+        msg = "the file breaks off"
+        raise EngineError(msg)
+
+    before = threading.active_count()
+    steps = []
+    with pytest.raises(EngineError, match="breaks off"):
+        steps.extend(track(broken(), [TargetStart("square", BOX)]))
+    assert rows(steps) == WHOLE["etd"]
+    assert threading.active_count() == before
+
+
+def test_a_frame_without_its_events_has_no_image():
+    frame = next(FrameSource("atsltd", WIDTH, HEIGHT, Settings()).frames(EVENTS))
+    with pytest.raises(EngineError, match="were not given"):
+        ImageSource(WIDTH, HEIGHT, Settings()).take(Part(None, frame))
