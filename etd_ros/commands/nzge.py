@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -146,6 +147,9 @@ def _check_options(options: argparse.Namespace) -> None:
         if value < 1:
             msg = f"{name} {value} is out of range: give 1 or more"
             raise ConversionError(msg)
+    if not math.isfinite(options.from_s):
+        msg = f"--from {options.from_s} is no time: give seconds since the first frame's start"
+        raise ConversionError(msg)
     check_outputs(options.output, options.plot)
     if options.plot is not None:
         check_matplotlib()
