@@ -95,11 +95,10 @@ class BackgroundActivityFilter:
             count = _supported(
                 self._neighbour_ns,
                 self._stride,
-                events.t,
-                events.x,
-                events.y,
+                events.t[first:end],
+                events.x[first:end],
+                events.y[first:end],
                 first,
-                end,
                 self._base_ns,
                 self._window_ns,
                 self._passing,
@@ -138,16 +137,15 @@ def _supported(
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     first: int,
-    end: int,
     base_ns: int,
     window_ns: int,
     passing: npt.NDArray[np.uint32],
     count: int,
 ) -> int:
-    """Append the indices of the events first..end-1 that pass to the `count` ones in `passing`; the new count."""
+    """Append the indices (from `first` on) of the events that pass to the `count` ones in `passing`; the new count."""
     # Unsigned indices spare the test for negative ones that count from the end.
     found = np.uint64(count)
-    for i in range(first, end):
+    for i in range(len(t)):
         since_base_ns = t[i] - base_ns
         above = np.uint64(y[i]) * stride + np.uint64(x[i])
         own = above + stride
@@ -162,7 +160,7 @@ def _supported(
         neighbour_ns[below + ONE] = since_base_ns
         neighbour_ns[below + TWO] = since_base_ns
         # Always written, counted only if it passes: noise is unpredictable, and so would be a branch.
-        passing[found] = i
+        passing[found] = first + i
         found += np.uint64(latest_ns >= since_base_ns - window_ns)
     return int(found)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from numba import njit
 from etd_ros.errors import EtdError
 from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
+from etd_ros.reconstruction.grey_range import GreyRange
 
 SPAN = 40.0
 """Time constants after which a contribution counts as gone: exp(-40) is below double precision's step at 1."""
@@ -22,11 +24,18 @@ TABLE_SIZE = 1 << TABLE_BITS
 TICKS_PER_TIME_CONSTANT = TABLE_SIZE * TABLE_SIZE / SPAN
 """Two tables of 2048 cover the span, so a tick is 1e-5 time constants: the relative error of a contribution's decay."""
 FINE_DECAY = np.exp(-np.arange(TABLE_SIZE) / TICKS_PER_TIME_CONSTANT)
-COARSE_DECAY = np.exp(-np.arange(TABLE_SIZE) * (TABLE_SIZE / TICKS_PER_TIME_CONSTANT))
+COARSE_DECAY = np.append(np.exp(-np.arange(TABLE_SIZE) * (TABLE_SIZE / TICKS_PER_TIME_CONSTANT)), 0.0)
+"""Its last entry is for everything past the span."""
 
-LOG_OFFSET = math.log(1.5)
-BOUND_SAMPLES_MAX = 1 << 16
-LEVEL, TICK = 0, 1
+PIXEL_DTYPE = np.dtype([("level", np.float32), ("tick", np.int32)])
+"""What is kept of a pixel: 8 bytes in one place, so that an event costs one access to memory."""
+TICK_MAX = 2**31 - 1
+TICK_MIN = -(2**31)
+
+LEVEL_SHOWN_MAX = 80.0
+"""Log intensity above which pixels are equally bright: what float32 holds the exponential of."""
+SHOWN_GAIN = 1.5
+"""Shown is exp(L + ln 1.5) - 1 = 1.5 exp(L) - 1: a grey range of exp(L) alone gives the same grey levels."""
 
 
 class ReconstructionError(EtdError):
@@ -65,7 +74,8 @@ class HighPassFilter:
 
     An event of polarity c after dt without one: L <- exp(-w_c dt) L + c, w_c = 2 pi cutoff_hz. At output every pixel
     decays to the image's stamp. Times are rounded down to ticks of 1e-5 / w_c, absolutely and not from event to event,
-    so rounding does not add up. The images depend on the sequence of events and stamps, not on batches.
+    so rounding does not add up; levels are float32. The images depend on the sequence of events and stamps, not on
+    batches.
     """
 
     def __init__(self, width: int, height: int, config: HighPassConfig | None = None) -> None:
@@ -79,17 +89,24 @@ class HighPassFilter:
         self.height = height
         self._config = config or HighPassConfig()
         self._ticks_per_ns = 2 * math.pi * self._config.cutoff_hz * 1e-9 * TICKS_PER_TIME_CONSTANT
-        # Level and tick lie side by side, so that an event costs one cache line.
-        self._state = np.zeros((height, width, 2), np.float64)
-        self._sampling = max(1, math.ceil(math.sqrt(width * height / BOUND_SAMPLES_MAX)))
+        self._state = np.zeros(height * width, PIXEL_DTYPE)
+        self._range = GreyRange(
+            width,
+            height,
+            dropped_percent=self._config.dropped_percent,
+            range_min=self._config.range_min / SHOWN_GAIN,
+            range_time_s=self._config.range_time_s,
+        )
+        self._brightness = np.empty((height, width), np.float32)
+        self._unsmoothed = np.empty((height, width), np.uint8)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the next events start a new stream."""
-        self._state[:] = 0.0
+        self._state[:] = 0
         self._origin_ns: int | None = None
-        self._bounds: tuple[float, float] | None = None
-        self._bounds_ns = 0
+        self._base_tick = 0
+        self._range.reset()
 
     def integrate(self, events: Events) -> None:
         """Take events that follow the last ones in time; O(n).
@@ -107,26 +124,32 @@ class HighPassFilter:
             return
         if self._origin_ns is None:
             self._origin_ns = int(events.t[0])
-        _integrate(
-            events.t,
-            events.x,
-            events.y,
-            events.p,
-            self._origin_ns,
-            self._ticks_per_ns,
-            self._config.contrast_on,
-            self._config.contrast_off,
-            self._state,
-            FINE_DECAY,
-            COARSE_DECAY,
-        )
+        first = 0
+        while first < len(events):
+            end = self._within_ticks(events.t, first)
+            part = events[first:end]
+            _integrate(
+                part.t,
+                part.x,
+                part.y,
+                part.p,
+                self._origin_ns,
+                self._ticks_per_ns,
+                self._base_tick,
+                self._config.contrast_on,
+                self._config.contrast_off,
+                self._state,
+                self.width,
+                self.height,
+                FINE_DECAY,
+                COARSE_DECAY,
+            )
+            first = end
 
     def levels(self, stamp_ns: int) -> npt.NDArray[np.float32]:
         """Log intensity L at a time (ns) not before the last event, float32, shape (height, width)."""
         levels = np.empty((self.height, self.width), np.float32)
-        origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
-        tick = math.floor((stamp_ns - origin_ns) * self._ticks_per_ns)
-        _decay(self._state, tick, FINE_DECAY, COARSE_DECAY, levels)
+        self._decay_into(levels, stamp_ns, math.inf)
         return levels
 
     def image(self, stamp_ns: int) -> npt.NDArray[np.uint8]:
@@ -136,44 +159,46 @@ class HighPassFilter:
         in 0..1. The grey range leaves out `dropped_percent` at either end and follows the scene with
         `range_time_s` over the stamps asked for.
         """
-        intensity = np.exp(self.levels(stamp_ns) + np.float32(LOG_OFFSET)) - np.float32(1)
-        low, high = self._follow(self._robust_bounds(intensity), stamp_ns)
-        image: npt.NDArray[np.uint8] = _grey(intensity, low, high)
-        if self._config.smoothing == "gaussian":
-            image = np.asarray(cv2.GaussianBlur(image, (5, 5), 0), np.uint8)
-        elif self._config.smoothing == "bilateral":
-            image = np.asarray(cv2.bilateralFilter(image, 5, 25, 25), np.uint8)
+        brightness = self._brightness
+        self._decay_into(brightness, stamp_ns, LEVEL_SHOWN_MAX)
+        np.exp(brightness, out=brightness)
+        low, high = self._range.follow(brightness, stamp_ns)
+        smoothing = self._config.smoothing
+        image = np.empty_like(self._unsmoothed) if smoothing == "none" else self._unsmoothed
+        _spread(brightness.ravel(), low, high, image.ravel())
+        if smoothing == "gaussian":
+            return np.asarray(cv2.GaussianBlur(image, (5, 5), 0), np.uint8)
+        if smoothing == "bilateral":
+            return np.asarray(cv2.bilateralFilter(image, 5, 25, 25), np.uint8)
         return image
 
-    def _robust_bounds(self, intensity: npt.NDArray[np.float32]) -> tuple[float, float]:
-        """The range left when the extreme pixels are dropped, at least `range_min` wide."""
-        sample = intensity[:: self._sampling, :: self._sampling].ravel()
-        first = int(len(sample) * self._config.dropped_percent / 100)
-        last = len(sample) - 1 - first
-        ordered = np.partition(sample, (first, last))
-        low, high = float(ordered[first]), float(ordered[last])
-        missing = max(0.0, self._config.range_min - (high - low))
-        return low - missing / 2, high + missing / 2
+    def _decay_into(self, levels: npt.NDArray[np.float32], stamp_ns: int, highest: float) -> None:
+        tick = 0 if self._origin_ns is None else self._tick(stamp_ns) - self._base_tick
+        _decay(self._state, tick, highest, FINE_DECAY, COARSE_DECAY, levels.ravel())
 
-    def _follow(self, bounds: tuple[float, float], stamp_ns: int) -> tuple[float, float]:
-        """The grey range after a first-order low-pass over the stamps."""
-        if self._bounds is not None and self._config.range_time_s > 0:
-            kept = math.exp(-max(0, stamp_ns - self._bounds_ns) * 1e-9 / self._config.range_time_s)
-            low, high = (kept * old + (1 - kept) * new for old, new in zip(self._bounds, bounds, strict=True))
-            bounds = low, high
-        self._bounds, self._bounds_ns = bounds, stamp_ns
-        return bounds
+    def _tick(self, stamp_ns: int) -> int:
+        assert self._origin_ns is not None
+        return int((int(stamp_ns) - self._origin_ns) * self._ticks_per_ns)
+
+    def _within_ticks(self, t: npt.NDArray[np.int64], first: int) -> int:
+        """End of the events from `first` on whose ticks fit the pixels'.
+
+        If that of `first` itself does not, ticks count from there anew: once in 500 spans, so it costs nothing.
+        """
+        shift = self._tick(t[first]) - self._base_tick
+        if shift > TICK_MAX:
+            _rebase(self._state, shift)
+            self._base_tick += shift
+        limit = self._base_tick + TICK_MAX
+        return len(t) if self._tick(t[-1]) <= limit else bisect.bisect_right(t, limit, lo=first, key=self._tick)
 
 
 @njit(cache=True, nogil=True)
-def _factor(ticks: float, fine: Any, coarse: Any) -> float:
+def _kept(ticks: int, fine: Any, coarse: Any) -> float:
     """exp(-ticks / TICKS_PER_TIME_CONSTANT) as a product of two table entries; 1 before and 0 past the span."""
-    if ticks <= 0:
-        return 1.0
-    if ticks >= TABLE_SIZE * TABLE_SIZE:
-        return 0.0
-    index = int(ticks)
-    return coarse[index >> TABLE_BITS] * fine[index & (TABLE_SIZE - 1)]  # type: ignore[no-any-return]
+    # Clamped and unsigned, so that there is neither a branch nor an index out of the tables.
+    index = np.uint64(min(max(ticks, 0), TABLE_SIZE * TABLE_SIZE))
+    return coarse[index >> np.uint64(TABLE_BITS)] * fine[index & np.uint64(TABLE_SIZE - 1)]  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)
@@ -184,42 +209,44 @@ def _integrate(
     p: Any,
     origin_ns: int,
     ticks_per_ns: float,
+    base_tick: int,
     contrast_on: float,
     contrast_off: float,
     state: Any,
+    width: int,
+    height: int,
     fine: Any,
     coarse: Any,
 ) -> None:
-    height, width, _ = state.shape
     for i in range(len(t)):
         column, row = x[i], y[i]
         if column >= width or row >= height:
             continue
-        tick = math.floor((t[i] - origin_ns) * ticks_per_ns)
-        kept = _factor(tick - state[row, column, TICK], fine, coarse)
-        state[row, column, LEVEL] = kept * state[row, column, LEVEL] + (contrast_on if p[i] else contrast_off)
-        state[row, column, TICK] = tick
+        tick = int((t[i] - origin_ns) * ticks_per_ns) - base_tick
+        pixel = state[np.uint64(row) * np.uint64(width) + np.uint64(column)]
+        kept = _kept(tick - pixel.tick, fine, coarse)
+        pixel.level = kept * pixel.level + (contrast_on if p[i] else contrast_off)
+        pixel.tick = tick
 
 
 @njit(cache=True, nogil=True)
-def _decay(state: Any, tick: float, fine: Any, coarse: Any, levels: Any) -> None:
-    height, width, _ = state.shape
-    for row in range(height):
-        for column in range(width):
-            level = state[row, column, LEVEL]
-            if level != 0.0:
-                level *= _factor(tick - state[row, column, TICK], fine, coarse)
-            levels[row, column] = level
+def _rebase(state: Any, shift: int) -> None:
+    """Count ticks from `shift` later; pixels too old for that have decayed long before."""
+    ticks = state["tick"]
+    for i in range(len(ticks)):
+        ticks[i] = max(ticks[i], TICK_MIN + shift) - shift
 
 
 @njit(cache=True, nogil=True)
-def _grey(intensity: Any, low: float, high: float) -> Any:
-    """Intensities spread over 0..255, rounded and clipped, uint8."""
-    height, width = intensity.shape
-    image = np.empty((height, width), np.uint8)
+def _decay(state: Any, tick: int, highest: float, fine: Any, coarse: Any, levels: Any) -> None:
+    for i in range(len(levels)):
+        pixel = state[i]
+        levels[i] = min(highest, pixel.level * _kept(tick - pixel.tick, fine, coarse))
+
+
+@njit(cache=True, nogil=True)
+def _spread(brightness: Any, low: float, high: float, image: Any) -> None:
+    """Values from low to high spread over 0..255, rounded and clipped."""
     scale = 255.0 / (high - low)
-    for row in range(height):
-        for column in range(width):
-            value = (intensity[row, column] - low) * scale
-            image[row, column] = np.uint8(min(255.0, max(0.0, value)) + 0.5)
-    return image
+    for i in range(len(image)):
+        image[i] = np.uint8(min(255.0, max(0.0, (brightness[i] - low) * scale)) + 0.5)
