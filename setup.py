@@ -37,7 +37,7 @@ setup(
         "rich>=13.7",
         "rosbags>=0.10",
     ],
-    extras_require={"aedat": ["aedat>=2.3"], "test": TEST_REQUIREMENTS},
+    extras_require={"aedat": ["aedat>=2.3"], "plot": ["matplotlib>=3.6"], "test": TEST_REQUIREMENTS},
     tests_require=TEST_REQUIREMENTS,
     zip_safe=False,
     author="etd_ros maintainers",

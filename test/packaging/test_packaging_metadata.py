@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
-PYTHON_MODULES = {"numba", "numpy", "rich", "scipy"}
+PYTHON_MODULES = {"matplotlib", "numba", "numpy", "rich", "scipy"}
 WITHOUT_ROSDEP_KEY = {"aedat"}
 OWN = {"etd_ros", "msg_adapters"}
 
