@@ -15,21 +15,30 @@ Offsets (bytes) of event k's fields from the first byte after the count:
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from msg_adapters.codecs import Triggers
-from msg_adapters.codecs.words import event_columns, filled_events
+from msg_adapters.codecs.words import EventPool, events_on_sensor
 from msg_adapters.event_message import EventMessage, checked_size
 from msg_adapters.header import NS_PER_S, read_header
-from msg_adapters.layout import Layout, MessageBytes, Reader, as_bytes_array
+from msg_adapters.layout import Layout, MessageBytes, Reader
 
 RECORD_SIZE = 13
 """Bytes of one event without padding."""
 
+_FIELDS = ["x", "y", "sec", "nsec", "polarity"]
+_RECORD_ROS1 = np.dtype({"names": _FIELDS, "formats": ["<u2", "<u2", "<u4", "<u4", "u1"], "offsets": [0, 2, 4, 8, 12]})
+_RECORD_ROS2 = np.dtype({"names": _FIELDS, "formats": ["<u2", "<u2", "<i4", "<u4", "u1"], "offsets": [0, 2, 6, 10, 14]})
 _STRIDE = {Layout.ROS1: 13, Layout.ROS2: 16}
-_Y, _SECONDS, _NANOSECONDS, _POLARITY = 2, 4, 8, 12
-_PLACE_SHIFT_ROS2 = -2
+
+_RECORDS_START_ROS2 = -2
+"""Where the records of ROS 2 start (bytes after the count), so that all but the first have x and y in their place."""
+
+_FIRST_PLACE = struct.Struct("<HH")
 
 
 class EventArrayDecoder:
@@ -41,6 +50,7 @@ class EventArrayDecoder:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
+        self._events = EventPool()
 
     def decode(self, message: MessageBytes) -> EventMessage:
         """See `EventMessageDecoder.decode`. The header's sequence number of ROS 1 counts nothing reliably: seq is None.
@@ -53,53 +63,45 @@ class EventArrayDecoder:
         height, width = reader.u32(), reader.u32()
         checked_size(width, height)
         count = reader.count(RECORD_SIZE)
-        stride = _STRIDE[self._layout]
-        body = as_bytes_array(reader.blob(stride * (count - 1) + RECORD_SIZE if count else 0))
-        columns = event_columns(count)
-        is_ros2 = self._layout is Layout.ROS2
-        kept = int(_decode(body, count, stride, _PLACE_SHIFT_ROS2 if is_ros2 else 0, is_ros2, width, height, *columns))
+        start = memoryview(message).nbytes - reader.remaining
+        body = reader.blob(_STRIDE[self._layout] * (count - 1) + RECORD_SIZE if count else 0)
+        columns = self._events.take(count)
+        if count:
+            _decode(_records(message, start, count, self._layout), *columns)
+            _, x, y, _ = columns
+            x[0], y[0] = _FIRST_PLACE.unpack_from(body)
+        events = events_on_sensor(columns, count, width, height)
         return EventMessage(
             stamp_ns=header.stamp_ns,
             frame_id=header.frame_id,
             seq=None,
             encoding="array",
-            events=filled_events(columns, kept, width, height),
+            events=events,
             is_sensor_time=False,
             triggers=Triggers.empty(),
             skipped_words=0,
-            off_sensor=count - kept,
+            off_sensor=count - len(events),
         )
 
     def reset(self) -> None:
         """Nothing to forget."""
 
 
+def _records(message: MessageBytes, start: int, count: int, layout: Layout) -> npt.NDArray[np.void]:
+    """The events of a message whose first event is at byte `start`; x and y of the first are wrong in ROS 2."""
+    data = memoryview(message).cast("B").toreadonly()
+    if layout is Layout.ROS1:
+        return np.frombuffer(data, _RECORD_ROS1, count, start)
+    # The last record ends a byte before its stride does, and so does the message.
+    return np.ndarray(count, _RECORD_ROS2, data, start + _RECORDS_START_ROS2, _STRIDE[layout])
+
+
 # Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.
-@njit(inline="always")
-def _u16(body, at):  # type: ignore[no-untyped-def]
-    return np.int64(body[at]) | np.int64(body[at + 1]) << 8
-
-
-@njit(inline="always")
-def _u32(body, at):  # type: ignore[no-untyped-def]
-    return _u16(body, at) | _u16(body, at + 2) << 16
-
-
 @njit(cache=True, nogil=True)
-def _decode(body, count, stride, place_shift, has_signed_seconds, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
-    kept = 0
-    for k in range(count):
-        record = stride * k
-        place = record + place_shift if k else 0
-        column = _u16(body, place)
-        row = _u16(body, place + _Y)
-        if column < width and row < height:
-            seconds = _u32(body, record + _SECONDS)
-            if has_signed_seconds and seconds >= 1 << 31:
-                seconds -= 1 << 32
-            t[kept] = seconds * NS_PER_S + _u32(body, record + _NANOSECONDS)
-            x[kept] = column
-            y[kept] = row
-            p[kept] = body[record + _POLARITY] != 0
-            kept += 1
-    return kept
+def _decode(records, t, x, y, p):  # type: ignore[no-untyped-def]
+    for i in range(len(records)):
+        record = records[i]
+        t[i] = np.int64(record.sec) * NS_PER_S + np.int64(record.nsec)
+        x[i] = record.x
+        y[i] = record.y
+        p[i] = record.polarity != 0

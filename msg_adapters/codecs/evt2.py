@@ -18,13 +18,14 @@ import numpy as np
 from numba import njit
 
 from msg_adapters.codecs.words import (
+    WORD_32,
     DecodedWords,
+    EventPool,
     Payload,
+    TriggerPool,
     as_words,
-    event_columns,
-    filled_events,
-    filled_triggers,
-    trigger_columns,
+    events_on_sensor,
+    first_triggers,
 )
 
 TYPE_SHIFT, OFF, ON, TIME_HIGH, TRIGGER = 28, 0x0, 0x1, 0x8, 0xA
@@ -45,15 +46,16 @@ class Evt2Decoder:
 
     def __init__(self) -> None:
         self._state = np.full(_STATE_SIZE, -1, np.int64)
+        self._events, self._triggers = EventPool(), TriggerPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
-        words = as_words(payload, "<u4")
+        words = as_words(payload, WORD_32)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = event_columns(event_capacity), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped, off_sensor = _decode(words, self._state, width, height, *columns, *triggers)
-        events = filled_events(columns, count, width, height)
-        return DecodedWords(events, filled_triggers(triggers, trigger_count), skipped, off_sensor)
+        columns, triggers = self._events.take(event_capacity), self._triggers.take(trigger_capacity)
+        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
+        events = events_on_sensor(columns, count, width, height)
+        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
 
     def reset(self) -> None:
         """Forget the time."""
@@ -63,34 +65,29 @@ class Evt2Decoder:
 @njit(cache=True, nogil=True)
 def _count(words):  # type: ignore[no-untyped-def]
     events, triggers = 0, 0
-    for word in words:
-        kind = word >> TYPE_SHIFT
+    for record in words:
+        kind = record.word >> TYPE_SHIFT
         events += kind in (OFF, ON)
         triggers += kind == TRIGGER
     return events, triggers
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
-    count, trigger_count, skipped, off_sensor = 0, 0, 0, 0
+def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
+    count, trigger_count, skipped = 0, 0, 0
     high = state[_HIGH]
-    for raw_word in words:
-        word = np.int64(raw_word)
+    for record in words:
+        word = np.int64(record.word)
         kind = word >> TYPE_SHIFT
         low = (word >> TIME_LOW_SHIFT) & TIME_LOW_MASK
         time_ns = 1000 * (high << TIME_LOW_BITS | low)
         if kind in (OFF, ON):
             if high >= 0:
-                column = (word >> X_SHIFT) & COORDINATE_MASK
-                row = word & COORDINATE_MASK
-                if column < width and row < height:
-                    t[count] = time_ns
-                    x[count] = column
-                    y[count] = row
-                    p[count] = kind
-                    count += 1
-                else:
-                    off_sensor += 1
+                t[count] = time_ns
+                x[count] = (word >> X_SHIFT) & COORDINATE_MASK
+                y[count] = word & COORDINATE_MASK
+                p[count] = kind
+                count += 1
         elif kind == TIME_HIGH:
             value = word & TIME_HIGH_MASK
             loop = max(high, 0) >> TIME_HIGH_BITS
@@ -106,4 +103,4 @@ def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trig
         else:
             skipped += 1
     state[_HIGH] = high
-    return count, trigger_count, skipped, off_sensor
+    return count, trigger_count, skipped

@@ -18,13 +18,14 @@ import numpy as np
 from numba import njit
 
 from msg_adapters.codecs.words import (
+    WORD_64,
     DecodedWords,
+    EventPool,
     Payload,
+    TriggerPool,
     as_words,
-    event_columns,
-    filled_events,
-    filled_triggers,
-    trigger_columns,
+    events_on_sensor,
+    first_triggers,
 )
 
 TYPE_SHIFT, TYPE_MASK, OFF, ON, TIME_HIGH, TRIGGER = 60, 0xF, 0x0, 0x1, 0x8, 0xA
@@ -51,17 +52,18 @@ class Evt21Decoder:
     def __init__(self, *, halves_swapped: bool = False) -> None:
         self._halves_swapped = halves_swapped
         self._state = np.full(_STATE_SIZE, -1, np.int64)
+        self._events, self._triggers = EventPool(), TriggerPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
-        words = as_words(payload, "<i8")
+        words = as_words(payload, WORD_64)
         if self._halves_swapped:
-            words = words.view(np.uint32).reshape(-1, 2)[:, ::-1].copy().view(np.int64).ravel()
+            words = as_words(words.view("<u4").reshape(-1, 2)[:, ::-1].tobytes(), WORD_64)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = event_columns(event_capacity), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped, off_sensor = _decode(words, self._state, width, height, *columns, *triggers)
-        events = filled_events(columns, count, width, height)
-        return DecodedWords(events, filled_triggers(triggers, trigger_count), skipped, off_sensor)
+        columns, triggers = self._events.take(event_capacity), self._triggers.take(trigger_capacity)
+        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
+        events = events_on_sensor(columns, count, width, height)
+        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
 
     def reset(self) -> None:
         """Forget the time."""
@@ -71,7 +73,8 @@ class Evt21Decoder:
 @njit(cache=True, nogil=True)
 def _count(words):  # type: ignore[no-untyped-def]
     events, triggers = 0, 0
-    for word in words:
+    for record in words:
+        word = record.word
         kind = (word >> TYPE_SHIFT) & TYPE_MASK
         if kind in (OFF, ON):
             for bit in range(VALID_BITS):
@@ -81,29 +84,26 @@ def _count(words):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
-    count, trigger_count, skipped, off_sensor = 0, 0, 0, 0
+def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
+    count, trigger_count, skipped = 0, 0, 0
     high = state[_HIGH]
-    for word in words:
+    for record in words:
+        word = record.word
         kind = (word >> TYPE_SHIFT) & TYPE_MASK
         low = (word >> TIME_LOW_SHIFT) & TIME_LOW_MASK
         time_ns = 1000 * (high << TIME_LOW_BITS | low)
         if kind in (OFF, ON):
             if high >= 0:
-                base_column = (word >> X_SHIFT) & COORDINATE_MASK
+                column = (word >> X_SHIFT) & COORDINATE_MASK
                 row = (word >> Y_SHIFT) & COORDINATE_MASK
                 mask = word & VALID_MASK
-                column = base_column
                 while mask:
                     if mask & 1:
-                        if column < width and row < height:
-                            t[count] = time_ns
-                            x[count] = column
-                            y[count] = row
-                            p[count] = kind
-                            count += 1
-                        else:
-                            off_sensor += 1
+                        t[count] = time_ns
+                        x[count] = column
+                        y[count] = row
+                        p[count] = kind
+                        count += 1
                     mask >>= 1
                     column += 1
         elif kind == TIME_HIGH:
@@ -121,4 +121,4 @@ def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trig
         else:
             skipped += 1
     state[_HIGH] = high
-    return count, trigger_count, skipped, off_sensor
+    return count, trigger_count, skipped

@@ -15,25 +15,33 @@
 t_us = loop * 2^24 + (time high << 12 | time low). The 24 bits wrap every 16.78 s, which shows as a time high far below
 the last one; steps back of up to 10 are bit errors of the device. The state lasts across messages, and nothing is
 emitted before one time high followed by one time low. The packet's time base has no meaning here.
+
+Speed comes from branches not taken: which kind of word comes next can seldom be foreseen. So the frequent kinds (row,
+single event, time low, a time high said again) all do the same work, an event is written after each of them, and only
+a single event is counted, so that the next word's overwrites the others'. Likewise a mask writes as many events as it
+may have and counts those it has.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from msg_adapters.codecs.words import (
-    BITS_SET,
-    LOWEST_BIT,
+    WORD_16,
     DecodedWords,
+    EventPool,
     Payload,
+    TriggerPool,
     as_words,
-    event_columns,
-    filled_events,
-    filled_triggers,
-    trigger_columns,
+    bits_set,
+    events_on_sensor,
+    first_triggers,
+    set_bits,
 )
 
 CODE_SHIFT, VALUE_MASK = 12, 0xFFF
@@ -42,13 +50,24 @@ CONTINUED_4, TIME_HIGH, TRIGGER, OTHERS, CONTINUED_12 = 0x7, 0x8, 0xA, 0xE, 0xF
 COORDINATE_MASK, POLARITY_SHIFT = 0x7FF, 11
 MASK_12_BITS, MASK_8_BITS, MASK_8_MASK = 12, 8, 0xFF
 TRIGGER_EDGE_MASK, TRIGGER_ID_SHIFT = 0x1, 8
+BASE_COLUMN_MAX = 0xFFFF - MASK_12_BITS
+"""Where a senseless run of masks ends: its columns must not wrap to the sensor again."""
 
 TIME_BITS = 24
 STEP_BACK_MAX = 10
 """A time high that falls by more than this many units of 4096 us has wrapped."""
 
-# Slots of the state that lasts across payloads.
-_LOOP, _HIGH, _LOW, _SYNC, _ROW, _BASE_COLUMN, _POLARITY = range(7)
+# Tables over the 16 codes. The compiler cannot see through them; if it could, it would make branches of them.
+_FREQUENT = (Y, SINGLE_X, TIME_LOW, CONTINUED_4, OTHERS, CONTINUED_12)
+_RARE = np.array([0 if code in _FREQUENT else 0xFFFF for code in range(16)], np.int64)
+_SETS_ROW = np.array([-1 if code == Y else 0 for code in range(16)], np.int64)
+
+# Tables over the 12-bit masks.
+_BITS_SET = bits_set(MASK_12_BITS)
+_SET_BITS = set_bits(MASK_12_BITS)
+
+# Slots of the state that lasts across payloads. The time low is kept in ns.
+_LOOP, _HIGH, _LOW_NS, _SYNC, _ROW, _BASE_COLUMN, _POLARITY = range(7)
 _STATE_SIZE = 7
 
 # How much of the time is known.
@@ -62,15 +81,25 @@ class Evt3Decoder:
 
     def __init__(self) -> None:
         self._state = np.zeros(_STATE_SIZE, np.int64)
+        self._events, self._triggers = EventPool(), TriggerPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
-        words = as_words(payload, "<u2")
-        event_capacity, trigger_capacity = _count(words)
-        columns, triggers = event_columns(event_capacity), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped, off_sensor = _decode(words, self._state, width, height, *columns, *triggers)
-        events = filled_events(columns, count, width, height)
-        return DecodedWords(events, filled_triggers(triggers, trigger_count), skipped, off_sensor)
+        words = as_words(payload, WORD_16)
+        skipped_early = 0
+        if self._state[_SYNC] != _TIME_KNOWN:
+            known_from = int(_find_time(words, self._state))
+            skipped_early = self._decode(words[:known_from], width, height).skipped_words
+            words = words[known_from:]
+        decoded = self._decode(words, width, height)
+        return replace(decoded, skipped_words=decoded.skipped_words + skipped_early) if skipped_early else decoded
+
+    def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
+        event_capacity, trigger_capacity = _capacities(words)
+        columns, triggers = self._events.take(event_capacity), self._triggers.take(trigger_capacity)
+        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
+        events = events_on_sensor(columns, count, width, height)
+        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
 
     def reset(self) -> None:
         """Forget time, row and base column."""
@@ -78,81 +107,80 @@ class Evt3Decoder:
 
 
 @njit(cache=True, nogil=True)
-def _count(words):  # type: ignore[no-untyped-def]
-    events, triggers = 0, 0
-    for word in words:
-        code = word >> CODE_SHIFT
-        if code == SINGLE_X:
-            events += 1
-        elif code == MASK_12:
-            events += BITS_SET[word & VALUE_MASK]
-        elif code == MASK_8:
-            events += BITS_SET[word & MASK_8_MASK]
-        elif code == TRIGGER:
-            triggers += 1
-    return events, triggers
+def _find_time(words, state):  # type: ignore[no-untyped-def]
+    """Index of the first word after the time is known; the number of words if it never is."""
+    for i in range(len(words)):
+        code = words[i].word >> CODE_SHIFT
+        if code == TIME_HIGH:
+            state[_SYNC] = _HIGH_KNOWN
+        elif code == TIME_LOW and state[_SYNC] == _HIGH_KNOWN:
+            state[_SYNC] = _TIME_KNOWN
+            return i + 1
+    return len(words)
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, state, width, height, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
-    count, trigger_count, skipped, off_sensor = 0, 0, 0, 0
-    loop, high, low, sync = state[_LOOP], state[_HIGH], state[_LOW], state[_SYNC]
-    row, base_column, polarity = state[_ROW], state[_BASE_COLUMN], state[_POLARITY]
-    time_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT | low)
-    for word in words:
+def _capacities(words):  # type: ignore[no-untyped-def]
+    """Events and triggers that the arrays must have room for: those that `_decode` may write."""
+    events, triggers = 1, 0
+    for i in range(len(words)):
+        code = words[i].word >> CODE_SHIFT
+        events += (code == SINGLE_X) + MASK_12_BITS * ((code == MASK_12) | (code == MASK_8))
+        triggers += code == TRIGGER
+    return events, triggers
+
+
+# Indices are unsigned: for signed ones, compiled code would ask of each access whether it counts from the end.
+@njit(cache=True, nogil=True)
+def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
+    count, trigger_count, skipped = np.uint64(0), 0, 0
+    loop, high, row = state[_LOOP], state[_HIGH], state[_ROW]
+    base_column, base_polarity = state[_BASE_COLUMN], state[_POLARITY]
+    high_word = TIME_HIGH << CODE_SHIFT | high
+    high_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT)
+    time_ns = high_ns + state[_LOW_NS]
+    for i in range(np.uint64(len(words))):
+        word = np.int64(words[i].word)
         code = word >> CODE_SHIFT
-        value = np.int64(word & VALUE_MASK)
-        if code in (MASK_12, MASK_8):
+        value = word & VALUE_MASK
+        if not _RARE[code] & (word ^ high_word):
+            column = value & COORDINATE_MASK
+            row ^= (row ^ column) & _SETS_ROW[code]
+            low_time_ns = high_ns + 1000 * value
+            time_ns = low_time_ns if code == TIME_LOW else time_ns
+            t[count] = time_ns
+            x[count] = column
+            y[count] = row
+            p[count] = value >> POLARITY_SHIFT
+            count += np.uint64(code == SINGLE_X)
+        elif code in (MASK_12, MASK_8):
             mask = value if code == MASK_12 else value & MASK_8_MASK
-            if sync == _TIME_KNOWN:
-                while mask:
-                    column = base_column + LOWEST_BIT[mask]
-                    mask &= mask - 1
-                    if column < width and row < height:
-                        t[count] = time_ns
-                        x[count] = column
-                        y[count] = row
-                        p[count] = polarity
-                        count += 1
-                    else:
-                        off_sensor += 1
-            base_column += MASK_12_BITS if code == MASK_12 else MASK_8_BITS
-        elif code == SINGLE_X:
-            if sync == _TIME_KNOWN:
-                column = value & COORDINATE_MASK
-                if column < width and row < height:
-                    t[count] = time_ns
-                    x[count] = column
-                    y[count] = row
-                    p[count] = value >> POLARITY_SHIFT
-                    count += 1
-                else:
-                    off_sensor += 1
-        elif code == Y:
-            row = value & COORDINATE_MASK
+            for k in range(MASK_12_BITS):
+                t[count + np.uint64(k)] = time_ns
+            for k in range(MASK_12_BITS):
+                x[count + np.uint64(k)] = base_column + _SET_BITS[mask, k]
+            for k in range(MASK_12_BITS):
+                y[count + np.uint64(k)] = row
+            for k in range(MASK_12_BITS):
+                p[count + np.uint64(k)] = base_polarity
+            count += _BITS_SET[mask]
+            base_column = min(base_column + (MASK_12_BITS if code == MASK_12 else MASK_8_BITS), BASE_COLUMN_MAX)
         elif code == BASE_X:
             base_column = value & COORDINATE_MASK
-            polarity = value >> POLARITY_SHIFT
-        elif code == TIME_LOW:
-            low = value
-            if sync == _HIGH_KNOWN:
-                sync = _TIME_KNOWN
-            time_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT | low)
+            base_polarity = value >> POLARITY_SHIFT
         elif code == TIME_HIGH:
-            if value + STEP_BACK_MAX < high:
-                loop += 1
-            high = value
-            if sync == _NO_TIME:
-                sync = _HIGH_KNOWN
-            time_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT | low)
+            low_ns = time_ns - high_ns
+            loop += value + STEP_BACK_MAX < high
+            high, high_word = value, word
+            high_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT)
+            time_ns = high_ns + low_ns
         elif code == TRIGGER:
-            if sync == _TIME_KNOWN:
-                trigger_t[trigger_count] = time_ns
-                trigger_id[trigger_count] = value >> TRIGGER_ID_SHIFT
-                trigger_edge[trigger_count] = value & TRIGGER_EDGE_MASK
-                trigger_count += 1
-        elif code not in (CONTINUED_4, OTHERS, CONTINUED_12):
+            trigger_t[trigger_count] = time_ns
+            trigger_id[trigger_count] = value >> TRIGGER_ID_SHIFT
+            trigger_edge[trigger_count] = value & TRIGGER_EDGE_MASK
+            trigger_count += 1
+        else:
             skipped += 1
-    state[_LOOP], state[_HIGH], state[_LOW], state[_SYNC] = loop, high, low, sync
-    state[_ROW], state[_BASE_COLUMN], state[_POLARITY] = row, base_column, polarity
-    return count, trigger_count, skipped, off_sensor
+    state[_LOOP], state[_HIGH], state[_LOW_NS] = loop, high, time_ns - high_ns
+    state[_ROW], state[_BASE_COLUMN], state[_POLARITY] = row, base_column, base_polarity
+    return np.int64(count), trigger_count, skipped

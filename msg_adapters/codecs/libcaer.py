@@ -12,11 +12,17 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from msg_adapters.codecs.words import DecodedWords, Payload, Triggers, as_words, event_columns, filled_events
+from msg_adapters.codecs.words import (
+    WORD_64,
+    DecodedWords,
+    EventPool,
+    Payload,
+    Triggers,
+    as_words,
+    events_on_sensor,
+)
 
-EVENT_DTYPE = "<i8"
-"""Both words of an event at once: data in the low half, time in the high one."""
-
+# Both words of an event are read at once: data in the low half, time in the high one.
 POLARITY_SHIFT = 1
 Y_SHIFT, X_SHIFT, COORDINATE_MASK = 2, 17, 0x7FFF
 TIME_SHIFT = 32
@@ -28,34 +34,31 @@ class LibcaerDecoder:
 
     is_sensor_time: ClassVar[bool] = False
 
+    def __init__(self) -> None:
+        self._events = EventPool()
+
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
-        words = as_words(payload, EVENT_DTYPE)
-        columns = event_columns(len(words))
-        count = int(_decode(words, time_base_ns, width, height, *columns))
-        events = filled_events(columns, count, width, height)
-        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - count)
+        words = as_words(payload, WORD_64)
+        columns = self._events.take(len(words))
+        _decode(words, time_base_ns, *columns)
+        events = events_on_sensor(columns, len(words), width, height)
+        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - len(events))
 
     def reset(self) -> None:
         """Nothing to forget."""
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
-    count = 0
+def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
     high_ns = np.int64(time_base_ns)
     last_us = np.int64(-(1 << 31))
-    for word in words:
+    for i in range(len(words)):
+        word = words[i].word
         time_us = word >> TIME_SHIFT
-        if time_us < last_us:
-            high_ns += WRAP_NS
+        high_ns += WRAP_NS * (time_us < last_us)
         last_us = time_us
-        column = (word >> X_SHIFT) & COORDINATE_MASK
-        row = (word >> Y_SHIFT) & COORDINATE_MASK
-        if column < width and row < height:
-            t[count] = high_ns + time_us * 1000
-            x[count] = column
-            y[count] = row
-            p[count] = (word >> POLARITY_SHIFT) & 1
-            count += 1
-    return count
+        t[i] = high_ns + time_us * 1000
+        x[i] = (word >> X_SHIFT) & COORDINATE_MASK
+        y[i] = (word >> Y_SHIFT) & COORDINATE_MASK
+        p[i] = (word >> POLARITY_SHIFT) & 1

@@ -15,12 +15,13 @@ from numba import njit
 
 from etd_ros.events import Events
 from msg_adapters.codecs.words import (
+    WORD_64,
     DecodedWords,
+    EventPool,
     Payload,
     Triggers,
     as_words,
-    event_columns,
-    filled_events,
+    events_on_sensor,
 )
 from msg_adapters.layout import MessageError
 
@@ -35,13 +36,16 @@ class MonoDecoder:
 
     is_sensor_time: ClassVar[bool] = False
 
+    def __init__(self) -> None:
+        self._events = EventPool()
+
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
-        words = as_words(payload, "<i8")
-        columns = event_columns(len(words))
-        count = int(_decode(words, time_base_ns, width, height, *columns))
-        events = filled_events(columns, count, width, height)
-        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - count)
+        words = as_words(payload, WORD_64)
+        columns = self._events.take(len(words))
+        _decode(words, time_base_ns, *columns)
+        events = events_on_sensor(columns, len(words), width, height)
+        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - len(events))
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -54,7 +58,7 @@ class TriggerDecoder:
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
-        words = as_words(payload, "<i8")
+        words = as_words(payload, WORD_64)["word"]
         triggers = Triggers(
             t=time_base_ns + (words & DT_MASK),
             id=((words >> Y_SHIFT) & Y_MASK).astype(np.uint16),
@@ -89,18 +93,13 @@ def encode_mono(events: Events, time_base_ns: int) -> npt.NDArray[np.uint64]:
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
-    count = 0
-    for word in words:
-        column = (word >> X_SHIFT) & X_MASK
-        row = (word >> Y_SHIFT) & Y_MASK
-        if column < width and row < height:
-            t[count] = time_base_ns + (word & DT_MASK)
-            x[count] = column
-            y[count] = row
-            p[count] = word < 0
-            count += 1
-    return count
+def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
+    for i in range(len(words)):
+        word = words[i].word
+        t[i] = time_base_ns + (word & DT_MASK)
+        x[i] = (word >> X_SHIFT) & X_MASK
+        y[i] = (word >> Y_SHIFT) & Y_MASK
+        p[i] = word < 0
 
 
 @njit(cache=True, nogil=True)

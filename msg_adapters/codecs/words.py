@@ -1,4 +1,4 @@
-"""What all codecs share: the result, the conversion of bytes to words, and tables of bits for the mask words."""
+"""What all codecs share: the result, the conversion of bytes to words, and the arrays that events are decoded to."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any, ClassVar, Protocol, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
+from etd_ros.buffers import ArrayPool
 from etd_ros.events import Events
 from msg_adapters.layout import MessageError
 
@@ -22,12 +24,10 @@ Columns: TypeAlias = (
 TriggerColumns: TypeAlias = "tuple[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint8]]"
 """The arrays t, id, edge that a kernel fills."""
 
-MASK_BITS_MAX = 12
-BITS_SET = np.array([bin(mask).count("1") for mask in range(1 << MASK_BITS_MAX)], np.uint8)
-"""Number of set bits of every 12-bit mask."""
-
-LOWEST_BIT = np.array([max((mask & -mask).bit_length() - 1, 0) for mask in range(1 << MASK_BITS_MAX)], np.uint8)
-"""Index of the lowest set bit of every 12-bit mask but 0."""
+WORD_16, WORD_32, WORD_64 = (np.dtype([("word", code)]) for code in ("<u2", "<u4", "<i8"))
+"""Words as packed records of one field. Payloads start at any byte of a message, and the fields of packed records may:
+one compiled kernel reads them all, without a copy. (64-bit words are signed because compiled code makes a float of an
+unsigned and a signed integer.)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,8 @@ class Triggers:
 
     @classmethod
     def empty(cls) -> Triggers:
-        return cls(*trigger_columns(0))
+        """No trigger; the arrays are shared."""
+        return _NO_TRIGGERS
 
     def __len__(self) -> int:
         return len(self.t)
@@ -86,47 +87,88 @@ class WordDecoder(Protocol):
         """Forget everything that earlier payloads said."""
 
 
-def as_words(payload: Payload, dtype: str) -> npt.NDArray[Any]:
-    """A payload as an aligned, writable array of words.
-
-    It is copied: payloads start at any byte of a message, and one kind of array means one compiled kernel.
+def as_words(payload: Payload, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """A payload as a read-only array of one of the dtypes above, not copied.
 
     Raises:
         MessageError: the payload ends inside a word.
     """
-    data = memoryview(cast("bytes", payload)).cast("B")
-    size = np.dtype(dtype).itemsize
-    if len(data) % size:
+    # Read-only whatever the source, so that compiled kernels see one type of array.
+    data = memoryview(cast("bytes", payload)).cast("B").toreadonly()
+    if len(data) % dtype.itemsize:
         msg = (
-            f"message cut short: {len(data)} bytes of events end inside a word of {size} bytes; "
+            f"message cut short: {len(data)} bytes of events end inside a word of {dtype.itemsize} bytes; "
             "get the whole message, or check its encoding"
         )
         raise MessageError(msg)
-    return np.frombuffer(data, dtype).copy()
+    return np.frombuffer(data, dtype)
 
 
-def event_columns(capacity: int) -> Columns:
-    """Uninitialised arrays for up to `capacity` events."""
-    return (
-        np.empty(capacity, np.int64),
-        np.empty(capacity, np.uint16),
-        np.empty(capacity, np.uint16),
-        np.empty(capacity, np.uint8),
-    )
+def bits_set(mask_bits: int) -> npt.NDArray[np.uint64]:
+    """Number of set bits of every mask of `mask_bits` bits, shape (2^mask_bits,)."""
+    return np.array([bin(mask).count("1") for mask in range(1 << mask_bits)], np.uint64)
 
 
-def trigger_columns(capacity: int) -> TriggerColumns:
-    """Uninitialised arrays for up to `capacity` triggers."""
-    return np.empty(capacity, np.int64), np.empty(capacity, np.uint16), np.empty(capacity, np.uint8)
+def set_bits(mask_bits: int) -> npt.NDArray[np.uint8]:
+    """Indices of the set bits of every mask from the lowest on, then zeros; shape (2^mask_bits, mask_bits)."""
+    is_set = np.arange(1 << mask_bits)[:, None] >> np.arange(mask_bits) & 1
+    order = np.argsort(1 - is_set, axis=1, kind="stable")
+    return np.where(np.sort(is_set, axis=1)[:, ::-1], order, 0).astype(np.uint8)
 
 
-def filled_events(columns: Columns, count: int, width: int, height: int) -> Events:
-    """The first `count` events of the arrays, as views."""
+class EventPool:
+    """The arrays that a decoder fills with events, used again when nobody refers to them any more."""
+
+    def __init__(self) -> None:
+        self._pool = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8)
+
+    def take(self, capacity: int) -> Columns:
+        """Uninitialised arrays t, x, y, p of at least `capacity` items."""
+        return cast("Columns", self._pool.take(capacity))
+
+
+class TriggerPool:
+    """The same for triggers."""
+
+    def __init__(self) -> None:
+        self._pool = ArrayPool(np.int64, np.uint16, np.uint8)
+
+    def take(self, capacity: int) -> TriggerColumns:
+        """Uninitialised arrays t, id, edge of at least `capacity` items."""
+        return cast("TriggerColumns", self._pool.take(capacity) if capacity else _NO_TRIGGER_COLUMNS)
+
+
+def events_on_sensor(columns: Columns, count: int, width: int, height: int) -> Events:
+    """The events on the sensor among the first `count` of the arrays, as views; the others are overwritten."""
     t, x, y, p = columns
-    return Events(t[:count], x[:count], y[:count], p[:count], width, height)
+    kept = _keep_on_sensor(t, x, y, p, count, width, height)
+    return Events(t[:kept], x[:kept], y[:kept], p[:kept], width, height)
 
 
-def filled_triggers(columns: TriggerColumns, count: int) -> Triggers:
+def first_triggers(columns: TriggerColumns, count: int) -> Triggers:
     """The first `count` triggers of the arrays, as views."""
+    if not count:
+        return _NO_TRIGGERS
     t, identifier, edge = columns
     return Triggers(t[:count], identifier[:count], edge[:count])
+
+
+_NO_TRIGGER_COLUMNS: TriggerColumns = np.empty(0, np.int64), np.empty(0, np.uint16), np.empty(0, np.uint8)
+_NO_TRIGGERS = Triggers(*_NO_TRIGGER_COLUMNS)
+
+
+# To ask once, of all events at a time, costs next to nothing; to ask while decoding would cost more than the decoding.
+@njit(cache=True, nogil=True)
+def _keep_on_sensor(t, x, y, p, count, width, height):  # type: ignore[no-untyped-def]
+    column_end, row_end = np.uint16(width), np.uint16(height)
+    off_sensor = 0
+    for i in range(count):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    if off_sensor == 0:
+        return count
+    kept = 0
+    for i in range(count):
+        is_on_sensor = (x[i] < column_end) & (y[i] < row_end)
+        t[kept], x[kept], y[kept], p[kept] = t[i], x[i], y[i], p[i]
+        kept += is_on_sensor
+    return kept
