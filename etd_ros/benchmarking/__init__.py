@@ -1,0 +1,20 @@
+"""Figures of the event path beside those of other packages, on synthetic streams and recordings."""
+
+from etd_ros.benchmarking.event_path import FULL, QUICK, Effort, event_path
+from etd_ros.benchmarking.peers import missing_packages
+from etd_ros.benchmarking.report import Row, as_json, check_writable, table, write
+from etd_ros.benchmarking.streams import BenchmarkError
+
+__all__ = [
+    "FULL",
+    "QUICK",
+    "BenchmarkError",
+    "Effort",
+    "Row",
+    "as_json",
+    "check_writable",
+    "event_path",
+    "missing_packages",
+    "table",
+    "write",
+]

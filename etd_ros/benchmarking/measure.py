@@ -1,0 +1,89 @@
+"""Times of our code and of a peer, taken by turns in one process."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+
+def _nothing() -> None:
+    """No preparation."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Something to time.
+
+    Attributes:
+        name: what it is.
+        run: the work that is timed.
+        units: how much work one run does (events, or 1 for a call).
+        prepare: makes the next run start like the first; not timed.
+    """
+
+    name: str
+    run: Callable[[], object]
+    units: int = 1
+    prepare: Callable[[], object] = _nothing
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Seconds that a unit of work took, ours and the peer's, a pair per round: float64, shape (rounds,)."""
+
+    ours_s: npt.NDArray[np.float64]
+    peer_s: npt.NDArray[np.float64] | None = None
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times as fast as the peer we are: the median over the rounds; None without a peer."""
+        return None if self.peer_s is None else float(np.median(self.peer_s / self.ours_s))
+
+    @property
+    def spread(self) -> float:
+        """Interquartile range over median of our times."""
+        low, middle, high = np.percentile(self.ours_s, (25, 50, 75))
+        return float((high - low) / middle)
+
+
+def compare(ours: Subject, peer: Subject | None, rounds: int) -> Comparison:
+    """Run both `rounds` times after a run to warm up, by turns and each first in every other round.
+
+    Times are of the process's CPU, over all its threads: neither other programs on the machine nor threads of a peer
+    change the comparison.
+    """
+    subjects = [ours] if peer is None else [ours, peer]
+    for subject in subjects:
+        _seconds_per_unit(subject)
+    seconds: dict[str, list[float]] = {"ours": [], "peer": []}
+    roles = list(zip(seconds, subjects, strict=False))
+    with _no_garbage_collection():
+        for number in range(rounds):
+            for role, subject in roles if number % 2 == 0 else reversed(roles):
+                seconds[role].append(_seconds_per_unit(subject))
+    return Comparison(np.array(seconds["ours"]), None if peer is None else np.array(seconds["peer"]))
+
+
+def _seconds_per_unit(subject: Subject) -> float:
+    subject.prepare()
+    start_s = time.process_time()
+    subject.run()
+    return max(time.process_time() - start_s, time.get_clock_info("process_time").resolution) / subject.units
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    was_enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()

@@ -1,0 +1,183 @@
+"""Rows of figures, as a table, as JSON, and as Markdown."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from etd_ros.benchmarking.peers import PACKAGES
+from etd_ros.benchmarking.streams import BenchmarkError
+
+JSON_NAME, README_NAME = "last.json", "README.md"
+TABLE_START, TABLE_END = "<!-- table: written by the benchmark -->", "<!-- end of table -->"
+PACKAGES_USED = ("numpy", "numba", "opencv-contrib-python-headless", *PACKAGES.values())
+
+HEADINGS = ("what", "sensor", "stream", "ours", "unit", "peer", "peer's", "ratio", "spread", "frames/s", "ev/frame")
+LEFT_ALIGNED = ("what", "sensor", "stream", "unit", "peer")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure, beside a peer's where there is one.
+
+    Attributes:
+        what: the part of the event path.
+        sensor: WIDTHxHEIGHT.
+        value: our figure, the median over the rounds.
+        unit: Mev/s or ms.
+        peer: what it is held against; None if nothing is.
+        peer_value: the peer's figure in the same unit.
+        ratio: how many times as fast as the peer we are, the median over pairs of runs.
+        stream: what was measured on.
+        spread: interquartile range over median of our times.
+        frames_per_s: frames made per second of computing; None where none are made.
+        events_per_frame: their mean; None where none are made.
+    """
+
+    what: str
+    sensor: str
+    value: float
+    unit: str
+    peer: str | None
+    peer_value: float | None
+    ratio: float | None
+    stream: str
+    spread: float
+    frames_per_s: float | None = None
+    events_per_frame: float | None = None
+
+
+def table(rows: Sequence[Row]) -> Table:
+    """The rows for a terminal."""
+    shown = Table(title="event path, one thread")
+    for heading in HEADINGS:
+        shown.add_column(heading, justify="left" if heading in LEFT_ALIGNED else "right", no_wrap=True)
+    previous: tuple[str, ...] = ()
+    for row in rows:
+        cells = _cells(row)
+        is_new_part = bool(previous) and cells[0] != previous[0]
+        if is_new_part:
+            shown.add_section()
+        # What is the same as in the row above is left out: the peers stand out.
+        same = 0 if is_new_part or not previous else next((i for i in range(3) if cells[i] != previous[i]), 3)
+        shown.add_row(*[""] * same, *cells[same:])
+        previous = cells
+    return shown
+
+
+def as_json(rows: Sequence[Row]) -> str:
+    """The rows, and what they were measured with, as one JSON object."""
+    return json.dumps({"rows": [asdict(row) for row in rows], "machine": machine()}, indent=2) + "\n"
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The rows as a Markdown table, after a line on what they were measured with."""
+    facts = machine()
+    versions = ", ".join(f"{name} {version}" for name, version in facts["packages"].items())
+    lines = [f"{facts['processor']}, {facts['cores']} cores, Python {facts['python']}; {versions}.", ""]
+    lines += ["| " + " | ".join(HEADINGS) + " |"]
+    lines += ["|" + "|".join("-" if heading in LEFT_ALIGNED else "-:" for heading in HEADINGS) + "|"]
+    lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder that `write` would fail on.
+
+    Raises:
+        BenchmarkError: README.md is missing or lacks the marks.
+    """
+    _readme_parts(folder)
+
+
+def write(folder: Path, rows: Sequence[Row]) -> None:
+    """Replace `last.json` in the folder, and the table between the marks of its README.md.
+
+    Raises:
+        BenchmarkError: README.md is missing or lacks the marks, or the folder cannot be written.
+    """
+    before, after = _readme_parts(folder)
+    try:
+        _replace(folder / README_NAME, f"{before}{TABLE_START}\n{markdown(rows)}{TABLE_END}{after}")
+        _replace(folder / JSON_NAME, as_json(rows))
+    except OSError as err:
+        msg = f"{err.filename or folder}: {err.strerror or err}: name a folder that you may write"
+        raise BenchmarkError(msg) from err
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were measured with: processor, cores, Python, versions of the packages that are installed."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "packages": {name: version for name in PACKAGES_USED if (version := _version(name))},
+    }
+
+
+def _readme_parts(folder: Path) -> tuple[str, str]:
+    """What stands before and after the marks of the table."""
+    readme = folder / README_NAME
+    try:
+        text = readme.read_text()
+    except (OSError, UnicodeDecodeError) as err:
+        msg = f"{readme}: cannot be read ({err}): name the folder whose {README_NAME} shall hold the table"
+        raise BenchmarkError(msg) from err
+    before, start, rest = text.partition(TABLE_START)
+    _, end, after = rest.partition(TABLE_END)
+    if not (start and end):
+        msg = f"{readme}: lacks the lines {TABLE_START} and {TABLE_END}: put them where the table shall be"
+        raise BenchmarkError(msg)
+    return before, after
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        row.what,
+        row.sensor,
+        row.stream,
+        _number(row.value),
+        row.unit,
+        row.peer or "",
+        _number(row.peer_value),
+        "" if row.ratio is None else f"{row.ratio:.2f}",
+        f"{row.spread:.0%}",
+        _number(row.frames_per_s),
+        _number(row.events_per_frame),
+    )
+
+
+def _number(value: float | None) -> str:
+    """Three digits that count."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside and rename, so that nothing is half-written."""
+    beside = path.with_name(f".{path.name}.new")
+    beside.write_text(text)
+    beside.replace(path)
+
+
+def _processor() -> str:
+    facts = Path("/proc/cpuinfo")
+    lines = facts.read_text().splitlines() if facts.is_file() else []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor() or platform.machine())
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None

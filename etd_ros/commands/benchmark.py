@@ -1,0 +1,105 @@
+"""`benchmark`: how fast the parts of this package are, beside other packages that are installed."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from etd_ros.benchmarking import (
+    FULL,
+    QUICK,
+    BenchmarkError,
+    Row,
+    as_json,
+    check_writable,
+    event_path,
+    missing_packages,
+    table,
+    write,
+)
+
+GROUPS = ("event-path",)
+DATA_VARIABLE = "ETD_DATA"
+DATA_DEFAULT = Path("../shared/data")
+TABLE_WIDTH_MIN = 160
+
+
+def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("benchmark", help="measure speed beside other packages", description=__doc__)
+    parser.add_argument(
+        "groups", nargs="*", type=_group, metavar="GROUP", help=f"what to measure: {', '.join(GROUPS)} (default: all)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.add_argument("--quick", action="store_true", help="short streams, one round: a trial, not figures")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help=f"folder of real recordings (default: ${DATA_VARIABLE}, else {DATA_DEFAULT} if there)",
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="FOLDER", help="also write last.json there and the table in its README.md"
+    )
+    parser.add_argument(
+        "--scaling", type=Path, metavar="FILE", help="draw speed against rate, sensor, texture, messages instead"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure and print.
+
+    Raises:
+        BenchmarkError: the folder of recordings is missing, or the outputs cannot be written.
+        RecordingError: a recording is damaged.
+    """
+    if options.write is not None:
+        check_writable(options.write)
+    effort = QUICK if options.quick else FULL
+    rows = list(_shown(event_path(effort, _data(options.data))))
+    if options.write is not None:
+        write(options.write, rows)
+    if options.json:
+        sys.stdout.write(as_json(rows))
+    else:
+        width = max(Console().width, TABLE_WIDTH_MIN)
+        Console(width=width).print(table(rows))
+    missing = missing_packages()
+    if missing:
+        print(f"not installed, so not compared: {', '.join(missing)}; get them with: make bench", file=sys.stderr)
+    return 0
+
+
+def _group(text: str) -> str:
+    if text not in GROUPS:
+        msg = f"{text!r} is no group of figures: choose of {', '.join(GROUPS)}"
+        raise argparse.ArgumentTypeError(msg)
+    return text
+
+
+def _data(folder: Path | None) -> Path | None:
+    """The folder of recordings: the one named, the environment's, or the default one where it is there.
+
+    Raises:
+        BenchmarkError: the folder named is none.
+    """
+    named = folder or (Path(os.environ[DATA_VARIABLE]) if os.environ.get(DATA_VARIABLE) else None)
+    if named is not None and not named.is_dir():
+        msg = f"{named}: no such folder of recordings: name another with --data or {DATA_VARIABLE}"
+        raise BenchmarkError(msg)
+    return named or (DATA_DEFAULT if DATA_DEFAULT.is_dir() else None)
+
+
+def _shown(rows: Iterator[Row]) -> Iterator[Row]:
+    """The rows as they come, with a line on standard error that says how far the measurement is."""
+    console = Console(stderr=True)
+    with console.status("measuring ...") as status:
+        for row in rows:
+            status.update(f"measured {row.what} at {row.sensor} on {row.stream}")
+            yield row
