@@ -32,8 +32,8 @@ PIXEL_DTYPE = np.dtype([("level", np.float32), ("tick", np.int32)])
 TICK_MAX = 2**31 - 1
 TICK_MIN = -(2**31)
 
-LEVEL_SHOWN_MAX = 80.0
-"""Log intensity above which pixels are equally bright: what float32 holds the exponential of."""
+LEVEL_SHOWN_MAX = 16.0
+"""Log intensity above which pixels are equally bright, nine million times a grey one: no overflow, no empty range."""
 SHOWN_GAIN = 1.5
 """Shown is exp(L + ln 1.5) - 1 = 1.5 exp(L) - 1: a grey range of exp(L) alone gives the same grey levels."""
 
@@ -73,9 +73,9 @@ class HighPassFilter:
     """Log intensity per pixel, up to what the high-pass filter forgets.
 
     An event of polarity c after dt without one: L <- exp(-w_c dt) L + c, w_c = 2 pi cutoff_hz. At output every pixel
-    decays to the image's stamp. Times are rounded down to ticks of 1e-5 / w_c, absolutely and not from event to event,
-    so rounding does not add up; levels are float32. The images depend on the sequence of events and stamps, not on
-    batches.
+    decays to the image's stamp. Times are rounded down to ticks of 1e-5 / w_c since a base that hardly ever moves, not
+    from event to event, so rounding does not add up; levels are float32. The images depend on the sequence of events
+    and stamps, not on batches.
     """
 
     def __init__(self, width: int, height: int, config: HighPassConfig | None = None) -> None:
@@ -104,12 +104,11 @@ class HighPassFilter:
     def reset(self) -> None:
         """Forget everything: the next events start a new stream."""
         self._state[:] = 0
-        self._origin_ns: int | None = None
-        self._base_tick = 0
+        self._base_ns: int | None = None
         self._range.reset()
 
     def integrate(self, events: Events) -> None:
-        """Take events that follow the last ones in time; O(n).
+        """Take events that follow the last ones in time; O(n). Events off the sensor are left out.
 
         Raises:
             ReconstructionError: the events are of another sensor size.
@@ -122,8 +121,8 @@ class HighPassFilter:
             raise ReconstructionError(msg)
         if not len(events):
             return
-        if self._origin_ns is None:
-            self._origin_ns = int(events.t[0])
+        if self._base_ns is None:
+            self._base_ns = int(events.t[0])
         first = 0
         while first < len(events):
             end = self._within_ticks(events.t, first)
@@ -133,9 +132,8 @@ class HighPassFilter:
                 part.x,
                 part.y,
                 part.p,
-                self._origin_ns,
+                self._base_ns,
                 self._ticks_per_ns,
-                self._base_tick,
                 self._config.contrast_on,
                 self._config.contrast_off,
                 self._state,
@@ -156,8 +154,8 @@ class HighPassFilter:
         """The image at a time (ns) not before the last event, uint8, shape (height, width).
 
         Shown is exp(L + ln 1.5) - 1, which lies in 0..1 around 0.5 for the log intensity log(1 + I) of an image I
-        in 0..1. The grey range leaves out `dropped_percent` at either end and follows the scene with
-        `range_time_s` over the stamps asked for.
+        in 0..1; L above 16 counts as 16. The grey range leaves out `dropped_percent` at either end and follows the
+        scene with `range_time_s` over the stamps asked for.
         """
         brightness = self._brightness
         self._decay_into(brightness, stamp_ns, LEVEL_SHOWN_MAX)
@@ -173,24 +171,26 @@ class HighPassFilter:
         return image
 
     def _decay_into(self, levels: npt.NDArray[np.float32], stamp_ns: int, highest: float) -> None:
-        tick = 0 if self._origin_ns is None else self._tick(stamp_ns) - self._base_tick
+        tick = 0 if self._base_ns is None else self._tick(stamp_ns)
         _decay(self._state, tick, highest, FINE_DECAY, COARSE_DECAY, levels.ravel())
 
     def _tick(self, stamp_ns: int) -> int:
-        assert self._origin_ns is not None
-        return int((int(stamp_ns) - self._origin_ns) * self._ticks_per_ns)
+        assert self._base_ns is not None
+        return int((int(stamp_ns) - self._base_ns) * self._ticks_per_ns)
 
     def _within_ticks(self, t: npt.NDArray[np.int64], first: int) -> int:
         """End of the events from `first` on whose ticks fit the pixels'.
 
-        If that of `first` itself does not, ticks count from there anew: once in 500 spans, so it costs nothing.
+        If that of `first` itself does not, ticks count anew from there: once in 500 spans of the filter's memory, so
+        that neither the pass over the pixels nor the rounding counts.
         """
-        shift = self._tick(t[first]) - self._base_tick
+        shift = self._tick(t[first])
         if shift > TICK_MAX:
             _rebase(self._state, shift)
-            self._base_tick += shift
-        limit = self._base_tick + TICK_MAX
-        return len(t) if self._tick(t[-1]) <= limit else bisect.bisect_right(t, limit, lo=first, key=self._tick)
+            self._base_ns = int(t[first])
+        if self._tick(t[-1]) <= TICK_MAX:
+            return len(t)
+        return bisect.bisect_right(t, TICK_MAX, lo=first, key=self._tick)
 
 
 @njit(cache=True, nogil=True)
@@ -207,9 +207,8 @@ def _integrate(
     x: Any,
     y: Any,
     p: Any,
-    origin_ns: int,
+    base_ns: int,
     ticks_per_ns: float,
-    base_tick: int,
     contrast_on: float,
     contrast_off: float,
     state: Any,
@@ -222,7 +221,7 @@ def _integrate(
         column, row = x[i], y[i]
         if column >= width or row >= height:
             continue
-        tick = int((t[i] - origin_ns) * ticks_per_ns) - base_tick
+        tick = int((t[i] - base_ns) * ticks_per_ns)
         pixel = state[np.uint64(row) * np.uint64(width) + np.uint64(column)]
         kept = _kept(tick - pixel.tick, fine, coarse)
         pixel.level = kept * pixel.level + (contrast_on if p[i] else contrast_off)
@@ -246,7 +245,8 @@ def _decay(state: Any, tick: int, highest: float, fine: Any, coarse: Any, levels
 
 @njit(cache=True, nogil=True)
 def _spread(brightness: Any, low: float, high: float, image: Any) -> None:
-    """Values from low to high spread over 0..255, rounded and clipped."""
-    scale = 255.0 / (high - low)
+    """Values from low to high spread over 0..255, rounded and clipped; all float32, eight in one instruction."""
+    black, scale = np.float32(low), np.float32(255 / (high - low))
     for i in range(len(image)):
-        image[i] = np.uint8(min(255.0, max(0.0, (brightness[i] - low) * scale)) + 0.5)
+        grey = (brightness[i] - black) * scale
+        image[i] = np.uint8(min(np.float32(255), max(np.float32(0), grey)) + np.float32(0.5))

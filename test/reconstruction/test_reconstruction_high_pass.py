@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
+from itertools import islice, pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etd_ros.events import Events, EventsError
+from etd_ros.events import Events, EventsError, concatenate
 from etd_ros.parameters import ParameterError
 from etd_ros.reconstruction import HighPassConfig, HighPassFilter, ReconstructionError
+from etd_ros.recordings import open_recording
 
+DATA = Path(os.environ.get("ETD_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WIDTH, HEIGHT = 12, 9
 
 
@@ -28,6 +34,26 @@ def random_events(
         width,
         height,
     )
+
+
+def oracle_images(levels_at_stamps, stamps, config: HighPassConfig) -> list[np.ndarray]:
+    """What `image` promises without smoothing, with NumPy's own exponential and order statistics."""
+    images = []
+    bounds = None
+    for levels, stamp_ns, last_ns in zip(levels_at_stamps, stamps, [None, *stamps], strict=False):
+        intensity = np.exp(np.minimum(levels, 16).astype(np.float64) + math.log(1.5)) - 1
+        step = max(1, math.ceil(math.sqrt(intensity.size / 65536)))
+        ordered = np.sort(intensity[::step, ::step], axis=None)
+        dropped = int(ordered.size * config.dropped_percent / 100)
+        target = np.array([ordered[dropped], ordered[-1 - dropped]])
+        target += np.array([-0.5, 0.5]) * max(0.0, config.range_min - (target[1] - target[0]))
+        kept = 0.0
+        if bounds is not None and config.range_time_s:
+            kept = math.exp(-(stamp_ns - last_ns) * 1e-9 / config.range_time_s)
+        bounds = target if bounds is None else kept * bounds + (1 - kept) * target
+        grey = 255 * (intensity - bounds[0]) / (bounds[1] - bounds[0])
+        images.append(np.floor(np.clip(grey, 0, 255) + 0.5).astype(int))
+    return images
 
 
 def oracle_levels(events: Events, stamp_ns: int, config: HighPassConfig) -> np.ndarray:
@@ -64,6 +90,123 @@ def test_levels_equal_the_per_event_definition(seed, count, cutoff_hz, step_ns, 
     )
     error = np.abs(high_pass.levels(stamp_ns) - oracle_levels(events, stamp_ns, config))
     assert (error <= 1.1e-5 * magnitude + 1e-6).all()
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    seed=st.integers(0, 10**6),
+    cutoff_hz=st.sampled_from([3.0, 1000.0]),
+    gap_ns=st.sampled_from([10**9, 5 * 10**9, 3600 * 10**9, 10**17]),
+    cuts=st.lists(st.integers(0, 300), max_size=4),
+)
+def test_levels_stay_as_defined_over_long_streams_and_gaps(seed, cutoff_hz, gap_ns, cuts):
+    config = HighPassConfig(cutoff_hz=cutoff_hz)
+    rng = np.random.default_rng(seed)
+    t = 5 + np.cumsum(np.where(rng.random(300) < 0.9, rng.integers(0, 1000, 300), rng.integers(0, gap_ns, 300)))
+    events = random_events(seed, 300, width=3, height=2)
+    events = Events(t, events.x, events.y, events.p, 3, 2)
+    high_pass = HighPassFilter(3, 2, config)
+    for first, last in pairwise([0, *sorted(cuts), 300]):
+        high_pass.integrate(events[first:last])
+        stamp_ns = int(t[max(last, 1) - 1])
+        expected = oracle_levels(events[: max(last, 1)], stamp_ns, config)
+        if last:
+            np.testing.assert_allclose(high_pass.levels(stamp_ns), expected, rtol=0, atol=2e-4)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    seed=st.integers(0, 10**6),
+    size=st.sampled_from([(12, 9), (1, 1), (31, 2), (400, 300)]),
+    dropped_percent=st.sampled_from([0.0, 0.25, 25.0]),
+    range_min=st.sampled_from([0.01, 0.6, 5.0]),
+    range_time_s=st.sampled_from([0.0, 0.5]),
+    contrast=st.sampled_from([0.1, 1.0]),
+)
+def test_images_are_those_of_the_definition_within_a_grey_level(
+    seed, size, dropped_percent, range_min, range_time_s, contrast
+):
+    config = HighPassConfig(
+        smoothing="none",
+        dropped_percent=dropped_percent,
+        range_min=range_min,
+        range_time_s=range_time_s,
+        contrast_on=contrast,
+        contrast_off=-contrast,
+    )
+    events = random_events(seed, 3000, step_ns=10_000, width=size[0], height=size[1])
+    high_pass = HighPassFilter(*size, config)
+    levels, images, stamps = [], [], []
+    for number in range(3):
+        high_pass.integrate(events[number * 1000 : number * 1000 + 1000])
+        stamps.append(int(events.t[number * 1000 + 999]))
+        levels.append(high_pass.levels(stamps[-1]))
+        images.append(high_pass.image(stamps[-1]).astype(int))
+    # Where one pixel is brighter than all else is apart, float32 has fewer steps than there are grey levels.
+    brightest = np.float32(math.exp(min(16, max(level.max() for level in levels))))
+    allowed = 1 + 255 * float(np.spacing(brightest)) * 1.5 / range_min
+    for image, expected in zip(images, oracle_images(levels, stamps, config), strict=True):
+        assert np.abs(image - expected).max() <= allowed
+
+
+def test_images_of_a_real_recording_are_those_of_the_definition_within_a_grey_level():
+    config = HighPassConfig(smoothing="none")
+    with open_recording(DATA / "slider_depth" / "slider_depth.bag") as recording:
+        events = concatenate(list(islice(recording.events(), 5)))
+    high_pass = HighPassFilter(events.width, events.height, config)
+    edges = np.linspace(0, len(events), 6).astype(int)
+    stamps = [int(events.t[edge - 1]) for edge in edges[1:]]
+    images = []
+    for (first, last), stamp_ns in zip(pairwise(edges), stamps, strict=True):
+        high_pass.integrate(events[first:last])
+        images.append(high_pass.image(stamp_ns))
+    levels = [oracle_levels(events[:last], stamp_ns, config) for last, stamp_ns in zip(edges[1:], stamps, strict=True)]
+    for image, expected in zip(images, oracle_images(levels, stamps, config), strict=True):
+        assert image.std() > 10
+        assert np.abs(image.astype(int) - expected).max() <= 1
+
+
+@pytest.mark.parametrize("lit", [0.4, 1.0])
+def test_endless_contrast_saturates_without_overflow(lit):
+    x = np.arange(round(10 * lit), dtype=np.uint16)
+    events = Events(np.full(len(x), 5), x, np.zeros_like(x), np.ones(len(x), np.uint8), 10, 1)
+    high_pass = HighPassFilter(10, 1, HighPassConfig(cutoff_hz=0.0, contrast_on=10.0, smoothing="none"))
+    for _ in range(100):
+        high_pass.integrate(events)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        image = high_pass.image(5)
+    assert image[0].tolist() == ([255] * 4 + [0] * 6 if lit < 1 else [image[0, 0]] * 10)
+
+
+def test_events_off_the_sensor_are_left_out():
+    inside = random_events(1, 50)
+    outside = Events(
+        np.full(3, 1_700_000_000_000_000_000),
+        np.array([WIDTH, 0, 65535], np.uint16),
+        np.array([0, HEIGHT, 65535], np.uint16),
+        np.ones(3, np.uint8),
+        WIDTH,
+        HEIGHT,
+    )
+    with_outside, without = HighPassFilter(WIDTH, HEIGHT), HighPassFilter(WIDTH, HEIGHT)
+    with_outside.integrate(outside)
+    stamp_ns = int(inside.t[-1])
+    for high_pass in (with_outside, without):
+        high_pass.integrate(inside)
+    np.testing.assert_allclose(with_outside.levels(stamp_ns), without.levels(stamp_ns), atol=1e-4)
+
+
+def test_an_image_handed_out_stays_when_the_next_one_is_made():
+    for smoothing in ("none", "gaussian", "bilateral"):
+        high_pass = HighPassFilter(WIDTH, HEIGHT, HighPassConfig(smoothing=smoothing))
+        events = random_events(7, 400)
+        high_pass.integrate(events[:200])
+        first = high_pass.image(int(events.t[199]))
+        before = first.copy()
+        high_pass.integrate(events[200:])
+        high_pass.image(int(events.t[-1]))
+        np.testing.assert_array_equal(first, before)
 
 
 @settings(deadline=None, max_examples=25)
