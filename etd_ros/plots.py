@@ -149,7 +149,7 @@ def nzge_png(curve: NzgeCurve, title: str) -> bytes:
     if curve.growth:
         first_s, last_s = float(curve.growth[0][0][0]), float(curve.growth[-1][0][-1])
         for time_s, value, end in zip(curve.end_times, curve.end_values, curve.ends, strict=True):
-            if first_s <= time_s <= last_s:
+            if first_s < time_s <= last_s:
                 below.plot(time_s, value, "o", color=END_COLOURS[end], ms=4)
     below.set(xlabel="time since the first frame's start (s)", ylabel="NZGE as frames grow")
     for axes in (above, below):

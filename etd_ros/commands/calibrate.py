@@ -25,6 +25,7 @@ from etd_ros.overlay import Picture
 from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings
+from etd_ros.stream import StreamBatch
 
 NEIGHBOUR_SCALES = (0.5, 1.0, 2.0)
 COMPARED = 6
@@ -160,25 +161,28 @@ def _check_options(options: argparse.Namespace) -> None:
 def _samples(options: argparse.Namespace, settings: Settings) -> Iterator[Sample]:
     """Clear frames at instants equally far apart in events: the recording is read once to count these."""
     with open_recording(options.recording, topic=options.topic, size=options.size) as recording:
-        with with_progress(
-            without_noise(recording.streams(settings.stream), settings.noise_filter), "counting"
-        ) as batches:
+
+        def streams() -> Iterator[StreamBatch]:
+            return without_noise(recording.streams(settings.stream), settings.noise_filter)
+
+        with with_progress(streams(), "counting") as batches:
             total = sum(len(batch.events) for batch in batches)
-        spacing = max(1, total // options.samples)
-        batches = without_noise(recording.streams(settings.stream), settings.noise_filter)
-        grid = settings.atsltd.cell_size, settings.atsltd.log_base
-        yield from _tracked(clear_frames(batches, spacing, CalibrationConfig(), *grid), options.samples)
+        console = Console(stderr=True)
+        with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+            task = progress.add_task("sampling clear frames", total=total)
 
+            def counted() -> Iterator[StreamBatch]:
+                for batch in streams():
+                    yield batch
+                    progress.advance(task, len(batch.events))
 
-def _tracked(samples: Iterator[Sample], instants: int) -> Iterator[Sample]:
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield from progress.track(samples, total=instants, description="sampling clear frames")
+            grid = settings.atsltd.cell_size, settings.atsltd.log_base
+            yield from clear_frames(counted(), max(1, total // options.samples), CalibrationConfig(), *grid)
 
 
 def _print(calibration: Calibration, instants: int) -> None:
-    values, (alpha, beta) = calibration.values, calibration.interval
-    print(f"frames with clear contours: {len(values)} of {instants} instants")
+    alpha, beta = calibration.interval
+    print(f"frames with clear contours: {len(calibration.values)} of {instants} instants")
     print(f"NZGE: mean {calibration.mean:.5f}, standard deviation {calibration.std:.5f}")
     print(f"[alpha, beta] = [{alpha:.{DECIMALS}f}, {beta:.{DECIMALS}f}]")
     print(text_histogram(calibration), end="")
