@@ -1,40 +1,133 @@
-"""Compiles the kernels of the whole method, or loads them from the cache, before the first real event comes."""
+"""Compiles the kernels of a node's stages, or loads them from the cache, before the first real event comes."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.engine import Engine
+from etd_ros.conversion import FixedCountConfig, NoiseFilterConfig
+from etd_ros.engine import CONVERSIONS, FrameSource, make_tracker
 from etd_ros.events import Events
-from etd_ros.settings import Settings
+from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
+from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
+from msg_adapters import ENCODINGS, Layout, decoder_for
+from msg_adapters.header import Header, write_header
+from msg_adapters.layout import Writer
 
 SENSOR_SIDE = 48
 SQUARE_SIDE = 16
 STEPS = 24
 STEP_NS = 2_000_000
+QUIET_NS = 1_000_000_000
+
+PACKET_TYPE = "event_camera_msgs/msg/EventPacket"
+ARRAY_TYPE = "dvs_msgs/msg/EventArray"
+WORDS = np.arange(0, 1 << 16, 1 << 6, dtype="<u2")
+"""16-bit words of every code, and a whole number of words of 32 and 64 bits."""
 
 
-def warm_up(settings: Settings | None = None) -> int:
-    """Track a small square that moves a few pixels, for a fraction of a second once everything is compiled.
+def warm_up(stages: Iterable[str] = tuple(STAGES)) -> None:
+    """Run the kernels of these stages of `Settings` on a handful of events: a tenth of a second once all is compiled.
 
-    Returns:
-        The number of frames made on the way.
+    A node names the stages that it has parameters of; those are the ones that it runs.
     """
-    engine = Engine(SENSOR_SIDE, SENSOR_SIDE, settings=settings)
-    engine.tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
-    return sum(1 for batch in StreamGuard().feed(_moving_square()) for _ in engine.feed(batch.events))
+    wanted = set(stages)
+    for names, run in _RUNS:
+        if wanted & names:
+            run()
+
+
+def _decode() -> None:
+    """Every type of message in every encoding; events in time order and not."""
+    decoder = decoder_for(PACKET_TYPE, Layout.ROS2)
+    for encoding in sorted(ENCODINGS):
+        list(StreamGuard().feed(decoder.decode(_packet(encoding)).events))
+    list(StreamGuard().feed(decoder_for(ARRAY_TYPE, Layout.ROS2).decode(_array()).events))
+    times = np.array([1, 0], np.int64)
+    zeros = np.zeros(2, np.uint16)
+    list(StreamGuard().feed(Events(times, zeros, zeros, zeros.astype(np.uint8), 1, 1)))
+
+
+def _convert() -> None:
+    settings = Settings(noise_filter=NoiseFilterConfig(window_s=1.0), fixed_count=FixedCountConfig(count=500))
+    for conversion in CONVERSIONS:
+        list(FrameSource(conversion, SENSOR_SIDE, SENSOR_SIDE, settings).frames(_moving_square()))
+
+
+def _reconstruct() -> None:
+    events = _moving_square()
+    reconstruction = SynchronisedReconstruction(HighPassFilter(SENSOR_SIDE, SENSOR_SIDE))
+    for stamp_ns in events.t[:: len(events) // 2]:
+        reconstruction.request(int(stamp_ns))
+    reconstruction.push(events)
+    list(reconstruction.ready())
+
+
+def _track() -> None:
+    tracker = make_tracker("etd", SENSOR_SIDE, SENSOR_SIDE, Settings())
+    tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
+    events = _moving_square()
+    image = np.zeros((SENSOR_SIDE, SENSOR_SIDE), np.uint8)
+    for step in range(3):
+        now = events.between(step * STEP_NS, (step + 1) * STEP_NS)
+        frame = np.zeros((SENSOR_SIDE, SENSOR_SIDE, 2), np.uint8)
+        frame[now.y, now.x, now.p] = 255
+        tracker.update(step, frame, image)
+
+
+def _packet(encoding: str) -> bytes:
+    writer = Writer(Layout.ROS2)
+    write_header(writer, Header(0, ""))
+    writer.u32(SENSOR_SIDE)
+    writer.u32(SENSOR_SIDE)
+    writer.u64(0)
+    writer.u64(0)
+    writer.string(encoding)
+    writer.u8(0)
+    writer.byte_sequence(WORDS)
+    return writer.finish()
+
+
+def _array() -> bytes:
+    """An EventArray of one event."""
+    writer = Writer(Layout.ROS2)
+    write_header(writer, Header(0, ""))
+    writer.u32(SENSOR_SIDE)
+    writer.u32(SENSOR_SIDE)
+    writer.u32(1)
+    for _ in range(4):
+        writer.u32(0)
+    return writer.finish()
 
 
 def _moving_square() -> Events:
-    """The outline of a square, a pixel further at each step: Off events in front, On events behind."""
+    """The outline of a square, a pixel further at each step, and an event long after: frames end for every reason."""
     side = np.arange(SQUARE_SIDE)
     outline_x = np.concatenate([side, side, np.zeros_like(side), np.full_like(side, SQUARE_SIDE - 1)])
     outline_y = np.concatenate([np.zeros_like(side), np.full_like(side, SQUARE_SIDE - 1), side, side])
     step = np.repeat(np.arange(STEPS), len(outline_x))
     x = np.tile(outline_x, STEPS) + 8 + step % 16
     y = np.tile(outline_y, STEPS) + 8
-    polarity = (np.tile(outline_x, STEPS) < SQUARE_SIDE // 2).astype(np.uint8)
-    t = 1 + step * STEP_NS + np.arange(len(step)) % len(outline_x)
-    return Events(t.astype(np.int64), x.astype(np.uint16), y.astype(np.uint16), polarity, SENSOR_SIDE, SENSOR_SIDE)
+    polarity = np.tile(outline_x, STEPS) < SQUARE_SIDE // 2
+    t = step * STEP_NS + np.arange(len(step)) % len(outline_x)
+    t[-1] += QUIET_NS
+    return Events(
+        t.astype(np.int64),
+        x.astype(np.uint16),
+        y.astype(np.uint16),
+        polarity.astype(np.uint8),
+        SENSOR_SIDE,
+        SENSOR_SIDE,
+    )
+
+
+_RUNS: tuple[tuple[frozenset[str], Callable[[], None]], ...] = (
+    (frozenset({"stream"}), _decode),
+    (frozenset({"noise_filter", "atsltd", "fixed_window", "fixed_count"}), _convert),
+    (frozenset({"reconstruction"}), _reconstruct),
+    (frozenset({"detection", "tracking", "recovery"}), _track),
+)
+"""Stages, by the names of their settings, and what runs their kernels."""

@@ -1,19 +1,38 @@
-"""Kernels are compiled before the first real event."""
+"""Kernels are ready before the first real event; test/nodes shows it with messages in fresh processes."""
 
 import numba.core.dispatcher
+import pytest
 
+from etd_ros import warm_up as module
+from etd_ros.settings import STAGES
 from etd_ros.warm_up import warm_up
 
 
-def test_it_goes_through_every_stage_of_the_method():
-    assert warm_up() > 1
-
-
-def test_after_it_nothing_is_left_to_compile(monkeypatch):
+def test_a_second_one_finds_nothing_to_compile_or_load(monkeypatch):
     warm_up()
     compiled = []
-    monkeypatch.setattr(
-        numba.core.dispatcher._FunctionCompiler, "compile", lambda *arguments: compiled.append(arguments)
-    )
-    assert warm_up() > 1
+    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "compile", lambda *arguments: compiled.append(arguments))
+    warm_up()
     assert not compiled
+
+
+@pytest.mark.parametrize(
+    ("stages", "expected"),
+    [
+        (("stream", "noise_filter", "atsltd"), {"_decode", "_convert"}),
+        (("stream", "reconstruction"), {"_decode", "_reconstruct"}),
+        (("detection", "tracking", "recovery"), {"_track"}),
+        (tuple(STAGES), {"_decode", "_convert", "_reconstruct", "_track"}),
+        ((), set()),
+    ],
+)
+def test_only_the_stages_asked_for_are_run(stages, expected, monkeypatch):
+    ran = set()
+    runs = tuple((names, lambda run=run: ran.add(run.__name__)) for names, run in module._RUNS)
+    monkeypatch.setattr(module, "_RUNS", runs)
+    warm_up(stages)
+    assert ran == expected
+
+
+def test_every_stage_is_run_by_something():
+    assert frozenset().union(*(names for names, _ in module._RUNS)) == set(STAGES)

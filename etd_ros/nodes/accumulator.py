@@ -15,6 +15,8 @@ from etd_ros.parameters import parameter
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, encode_image
 
+STAGES = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
+
 
 @dataclass(frozen=True, slots=True)
 class AccumulatorOptions(NodeOptions):
@@ -27,8 +29,7 @@ class Accumulator(EtdNode):
     """Publishes `~/frames` while somebody subscribes to it."""
 
     def __init__(self) -> None:
-        stages = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
-        super().__init__("accumulator", stages, AccumulatorOptions)
+        super().__init__("accumulator", STAGES, AccumulatorOptions)
         self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
         self._source: FrameSource | None = None
         self._size = (0, 0)

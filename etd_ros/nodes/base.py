@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -44,6 +45,7 @@ FRAME_QOS = QoSProfile(
 )
 """For frames, images and boxes: few and each of them matters."""
 
+SLOW_START_S = 2.0
 WARNING_PERIOD_S = 5.0
 DIAGNOSTICS_PERIOD_S = 1.0
 _FLOAT_MAX = sys.float_info.max
@@ -98,8 +100,7 @@ class EtdNode(Node):
         self.errors = 0
         self.settings = self._declare_settings(stages)
         self.options: Any = from_mapping(options, self._declare(described_options(options)))
-        # Before anything is subscribed: a node that compiles while events come falls behind before it has begun.
-        warm_up()
+        self._warm_up(stages)
         self.worker = Worker(f"{name}_worker", int(self.options.queue_mib * 2**20), self._on_worker_error)
         self._inputs: list[Input] = []
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -140,6 +141,16 @@ class EtdNode(Node):
     def stop(self) -> None:
         """End the worker; the node can be destroyed then."""
         self.worker.stop()
+
+    def _warm_up(self, stages: tuple[str, ...]) -> None:
+        """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""
+        text = "compiling for this machine, up to a minute; the next start finds it done where the cache can be kept"
+        notice = threading.Timer(SLOW_START_S, self.get_logger().info, (text,))
+        notice.start()
+        try:
+            warm_up(stages)
+        finally:
+            notice.cancel()
 
     def _declare_settings(self, stages: tuple[str, ...]) -> Settings:
         return settings_from_mapping(self._declare(described_settings(stages)))

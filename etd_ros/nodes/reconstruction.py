@@ -13,6 +13,7 @@ from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, MessageError, decode_image, encode_image
 
+STAGES = ("stream", "reconstruction")
 EARLY_STAMPS_MAX = 1000
 
 
@@ -20,7 +21,7 @@ class Reconstruction(EtdNode):
     """Publishes `~/image_raw` while somebody subscribes to it; reads `accumulator/frames` for their stamps alone."""
 
     def __init__(self) -> None:
-        super().__init__("reconstruction", ("stream", "reconstruction"), NodeOptions)
+        super().__init__("reconstruction", STAGES, NodeOptions)
         self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
         self._reconstruction: SynchronisedReconstruction | None = None
         self._size = (0, 0)

@@ -19,6 +19,7 @@ from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import ImageMessage, Layout, MessageError, decode_image
 
+STAGES = ("detection", "tracking", "recovery")
 EARLY_IMAGES_MAX = 64
 FLUSH_PERIOD_S = 0.1
 FIRST_FRAME_MAX_NS = 1_000_000_000
@@ -89,7 +90,7 @@ class Tracker(EtdNode):
     """Tracks the targets of its parameters and of `~/targets` on `accumulator/frames`."""
 
     def __init__(self) -> None:
-        super().__init__("tracker", ("detection", "tracking", "recovery"), TrackerOptions)
+        super().__init__("tracker", STAGES, TrackerOptions)
         self._targets = TargetInput(self)
         self._output = TrackingOutput(self)
         self._recovers = method_named(self.options.method).recovers
