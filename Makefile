@@ -12,7 +12,7 @@ endif
 # A guard that the ROS wheels leave behind in the shell of another environment: it must not reach this one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint clean
+.PHONY: help setup demo test lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' $(MAKEFILE_LIST)
@@ -32,6 +32,16 @@ lint: setup ## style and types
 	$(BIN)/mypy
 	$(BIN)/mypy scripts/set_up.py
 
-clean: ## remove .venv and everything generated
-	rm -rf .venv demo build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+bench: .venv-bench/.done ## measure speed beside other packages, in .venv-bench; writes benchmarks/
+	@.venv-bench/bin/python -m etd_ros benchmark --write benchmarks
+	@.venv-bench/bin/python -m etd_ros benchmark --scaling docs/scaling.png
+
+# An environment of its own: the other packages have requirements of theirs.
+.venv-bench/.done: setup.py scripts/requirements-runtime.txt
+	$(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet -r scripts/requirements-runtime.txt -e ".[bench,plot]"
+	touch $@
+
+clean: ## remove .venv, .venv-bench and everything generated
+	rm -rf .venv .venv-bench demo build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find etd_ros msg_adapters test scripts launch -name __pycache__ -type d -prune -exec rm -rf {} +

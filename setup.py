@@ -6,6 +6,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "etd_ros"
 NODES = ("accumulator", "pipeline", "reconstruction", "replay", "tracker")
+BENCHMARK_PEERS = ["dv-processing>=2.0", "evt3>=0.4", "expelliarmus>=1.1", "frames2py>=1.1", "tonic>=1.6"]
 TEST_REQUIREMENTS = ["hypothesis", "pytest"]
 
 
@@ -37,7 +38,12 @@ setup(
         "rich>=13.7",
         "rosbags>=0.10",
     ],
-    extras_require={"aedat": ["aedat>=2.3"], "plot": ["matplotlib>=3.6"], "test": TEST_REQUIREMENTS},
+    extras_require={
+        "aedat": ["aedat>=2.3"],
+        "bench": BENCHMARK_PEERS,
+        "plot": ["matplotlib>=3.6"],
+        "test": TEST_REQUIREMENTS,
+    },
     tests_require=TEST_REQUIREMENTS,
     zip_safe=False,
     author="etd_ros maintainers",
