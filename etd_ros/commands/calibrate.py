@@ -180,9 +180,9 @@ def _samples(options: argparse.Namespace, settings: Settings) -> Iterator[Sample
             yield from clear_frames(counted(), max(1, total // options.samples), CalibrationConfig(), *grid)
 
 
-def _print(calibration: Calibration, instants: int) -> None:
+def _print(calibration: Calibration, samples: int) -> None:
     alpha, beta = calibration.interval
-    print(f"frames with clear contours: {len(calibration.values)} of {instants} instants")
+    print(f"frames with clear contours: {len(calibration.values)} ({samples} asked for)")
     print(f"NZGE: mean {calibration.mean:.5f}, standard deviation {calibration.std:.5f}")
     print(f"[alpha, beta] = [{alpha:.{DECIMALS}f}, {beta:.{DECIMALS}f}]")
     print(text_histogram(calibration), end="")

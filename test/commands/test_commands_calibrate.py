@@ -46,7 +46,7 @@ def test_the_file_holds_the_interval_that_is_printed(capsys, demo, place):
     alpha, beta = parameters["atsltd"]["nzge_interval"]
     assert printed_interval(printed) == [alpha, beta]
     assert 0.05 < alpha < beta < 0.15
-    assert "frames with clear contours: 40 of 40 instants" in printed
+    assert "frames with clear contours: 40 (40 asked for)" in printed
     settings = settings_from_mapping(read_parameter_file(place / "sensor.yaml"))
     assert settings.atsltd.nzge_interval == (alpha, beta)
     assert list(place.iterdir()) == [place / "sensor.yaml"]
