@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from etd_ros.buffers import ArrayPool
 from etd_ros.conversion.batches import check_batch
 from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
@@ -62,10 +63,13 @@ class BackgroundActivityFilter:
         # A border of one pixel that never has events spares the kernel all comparisons with the sensor's size.
         self._stride = np.uint64(width + 2)
         self._neighbour_ns = np.full((height + 2) * (width + 2), self._never, dtype)
-        self._passing = np.empty(0, np.uint32)
+        self._indices = ArrayPool(np.uint32)
+        self._columns = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8)
 
     def filter(self, events: Events) -> Events:
         """The events of the stream's next batch that pass, in order; the batch itself if the filter is off.
+
+        Their arrays are used again when nobody refers to them any more.
 
         Raises:
             ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
@@ -78,7 +82,10 @@ class BackgroundActivityFilter:
         self._previous_ns = int(events.t[-1])
         if not self._window_ns:
             return events
-        return _taken(events, self._find_passing(events))
+        indices = self._find_passing(events)
+        t, x, y, p = (column[: len(indices)] for column in self._columns.take(len(indices)))
+        _gather(events.t, events.x, events.y, events.p, indices, t, x, y, p)
+        return Events(t, x, y, p, events.width, events.height)
 
     def reset(self) -> None:
         """Forget all events: the next batch starts a new stream."""
@@ -86,9 +93,8 @@ class BackgroundActivityFilter:
         self._neighbour_ns.fill(self._never)
 
     def _find_passing(self, events: Events) -> npt.NDArray[np.uint32]:
-        """Indices of the events that pass; valid until the next batch."""
-        if len(self._passing) < len(events):
-            self._passing = np.empty(len(events), np.uint32)
+        """Indices of the events that pass."""
+        (passing,) = self._indices.take(len(events))
         first = count = 0
         while first < len(events):
             end = self._within_span(events.t, first)
@@ -101,11 +107,11 @@ class BackgroundActivityFilter:
                 first,
                 self._base_ns,
                 self._window_ns,
-                self._passing,
+                passing,
                 count,
             )
             first = end
-        return self._passing[:count]
+        return passing[:count]
 
     def _within_span(self, t: npt.NDArray[np.int64], first: int) -> int:
         """End of the events from `first` on whose times fit the map, moving its base to `first` if that one does not.
@@ -118,15 +124,6 @@ class BackgroundActivityFilter:
             _rebase(self._neighbour_ns, shift_ns, self._never)
             self._base_ns += shift_ns
         return int(np.searchsorted(t, self._base_ns + self._span_ns, side="right"))
-
-
-def _taken(events: Events, indices: npt.NDArray[np.uint32]) -> Events:
-    """Copies of the events at the indices."""
-    count = len(indices)
-    t, x = np.empty(count, np.int64), np.empty(count, np.uint16)
-    y, p = np.empty(count, np.uint16), np.empty(count, np.uint8)
-    _gather(events.t, events.x, events.y, events.p, indices, t, x, y, p)
-    return Events(t, x, y, p, events.width, events.height)
 
 
 @njit(cache=True, nogil=True)
