@@ -18,7 +18,6 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from msg_adapters.codecs import Triggers
@@ -30,13 +29,18 @@ from msg_adapters.layout import Layout, MessageBytes, Reader
 RECORD_SIZE = 13
 """Bytes of one event without padding."""
 
-_FIELDS = ["x", "y", "sec", "nsec", "polarity"]
-_RECORD_ROS1 = np.dtype({"names": _FIELDS, "formats": ["<u2", "<u2", "<u4", "<u4", "u1"], "offsets": [0, 2, 4, 8, 12]})
-_RECORD_ROS2 = np.dtype({"names": _FIELDS, "formats": ["<u2", "<u2", "<i4", "<u4", "u1"], "offsets": [0, 2, 6, 10, 14]})
-_STRIDE = {Layout.ROS1: 13, Layout.ROS2: 16}
 
-_RECORDS_START_ROS2 = -2
-"""Where the records of ROS 2 start (bytes after the count), so that all but the first have x and y in their place."""
+def _record(seconds: str, offsets: list[int]) -> np.dtype[np.void]:
+    formats = ["<u2", "<u2", seconds, "<u4", "u1"]
+    return np.dtype({"names": ["x", "y", "sec", "nsec", "polarity"], "formats": formats, "offsets": offsets})
+
+
+_RECORD = {Layout.ROS1: _record("<u4", [0, 2, 4, 8, 12]), Layout.ROS2: _record("<i4", [1, 3, 7, 11, 15])}
+"""Events as packed records, which kernels read in place."""
+
+_RECORDS_START = {Layout.ROS1: 0, Layout.ROS2: -3}
+"""Where the records start (bytes after the count): those of ROS 2 such that the last one ends where the message does.
+Only the first event's x and y are not where its record has them."""
 
 _FIRST_PLACE = struct.Struct("<HH")
 
@@ -64,10 +68,12 @@ class EventArrayDecoder:
         checked_size(width, height)
         count = reader.count(RECORD_SIZE)
         start = memoryview(message).nbytes - reader.remaining
-        body = reader.blob(_STRIDE[self._layout] * (count - 1) + RECORD_SIZE if count else 0)
+        record = _RECORD[self._layout]
+        body = reader.blob(record.itemsize * (count - 1) + RECORD_SIZE if count else 0)
         columns = self._events.take(count)
         if count:
-            _decode(_records(message, start, count, self._layout), *columns)
+            data = memoryview(message).cast("B").toreadonly()
+            _decode(np.frombuffer(data, record, count, start + _RECORDS_START[self._layout]), *columns)
             _, x, y, _ = columns
             x[0], y[0] = _FIRST_PLACE.unpack_from(body)
         events = events_on_sensor(columns, count, width, height)
@@ -85,15 +91,6 @@ class EventArrayDecoder:
 
     def reset(self) -> None:
         """Nothing to forget."""
-
-
-def _records(message: MessageBytes, start: int, count: int, layout: Layout) -> npt.NDArray[np.void]:
-    """The events of a message whose first event is at byte `start`; x and y of the first are wrong in ROS 2."""
-    data = memoryview(message).cast("B").toreadonly()
-    if layout is Layout.ROS1:
-        return np.frombuffer(data, _RECORD_ROS1, count, start)
-    # The last record ends a byte before its stride does, and so does the message.
-    return np.ndarray(count, _RECORD_ROS2, data, start + _RECORDS_START_ROS2, _STRIDE[layout])
 
 
 # Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.

@@ -18,8 +18,8 @@ emitted before one time high followed by one time low. The packet's time base ha
 
 Speed comes from branches not taken: which kind of word comes next can seldom be foreseen. So the frequent kinds (row,
 single event, time low, a time high said again) all do the same work, an event is written after each of them, and only
-a single event is counted, so that the next word's overwrites the others'. Likewise a mask writes as many events as it
-may have and counts those it has.
+a single event is counted, so that the next word's overwrites the others'. Likewise masks write a few events at a time
+and count those they have.
 """
 
 from __future__ import annotations
@@ -52,6 +52,9 @@ MASK_12_BITS, MASK_8_BITS, MASK_8_MASK = 12, 8, 0xFF
 TRIGGER_EDGE_MASK, TRIGGER_ID_SHIFT = 0x1, 8
 BASE_COLUMN_MAX = 0xFFFF - MASK_12_BITS
 """Where a senseless run of masks ends: its columns must not wrap to the sensor again."""
+
+MASK_GROUP = 4
+"""Events of a mask that are written together: most masks have few bits."""
 
 TIME_BITS = 24
 STEP_BACK_MAX = 10
@@ -155,15 +158,19 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
             count += np.uint64(code == SINGLE_X)
         elif code in (MASK_12, MASK_8):
             mask = value if code == MASK_12 else value & MASK_8_MASK
-            for k in range(MASK_12_BITS):
-                t[count + np.uint64(k)] = time_ns
-            for k in range(MASK_12_BITS):
-                x[count + np.uint64(k)] = base_column + _SET_BITS[mask, k]
-            for k in range(MASK_12_BITS):
-                y[count + np.uint64(k)] = row
-            for k in range(MASK_12_BITS):
-                p[count + np.uint64(k)] = base_polarity
-            count += _BITS_SET[mask]
+            bits = _BITS_SET[mask]
+            for first in range(0, MASK_12_BITS, MASK_GROUP):
+                if bits > np.uint64(first):
+                    start = count + np.uint64(first)
+                    for k in range(MASK_GROUP):
+                        t[start + np.uint64(k)] = time_ns
+                    for k in range(MASK_GROUP):
+                        x[start + np.uint64(k)] = base_column + _SET_BITS[mask, first + k]
+                    for k in range(MASK_GROUP):
+                        y[start + np.uint64(k)] = row
+                    for k in range(MASK_GROUP):
+                        p[start + np.uint64(k)] = base_polarity
+            count += bits
             base_column = min(base_column + (MASK_12_BITS if code == MASK_12 else MASK_8_BITS), BASE_COLUMN_MAX)
         elif code == BASE_X:
             base_column = value & COORDINATE_MASK

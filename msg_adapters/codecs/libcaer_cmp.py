@@ -40,7 +40,7 @@ CODE_SHIFT, VALUE_MASK = 12, 0xFFF
 TIME_HIGH, TIME_LOW, X, SINGLE_Y, BASE_Y, MASK_8 = range(6)
 COORDINATE_MASK, POLARITY_SHIFT = 0x7FF, 11
 MASK_8_BITS, MASK_8_MASK = 8, 0xFF
-BASE_ROW_MAX = 0xFFFF - MASK_8_BITS
+BASE_ROW_MAX = np.int64(0xFFFF - MASK_8_BITS)
 """Where a senseless run of masks ends: its rows must not wrap to the sensor again."""
 
 # Tables over the 16 codes. The compiler cannot see through them; if it could, it would make branches of them.
@@ -85,7 +85,7 @@ def _capacity(words):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
     count, skipped = np.uint64(0), 0
-    column, base_row, base_polarity = 0, 0, 0
+    column, base_row, base_polarity = np.int64(0), np.int64(0), np.int64(0)
     high_ns = time_ns = np.int64(time_base_ns)
     for i in range(np.uint64(len(words))):
         word = np.int64(words[i].word)

@@ -166,9 +166,8 @@ def _keep_on_sensor(t, x, y, p, count, width, height):  # type: ignore[no-untype
         off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
     if off_sensor == 0:
         return count
-    kept = 0
-    for i in range(count):
-        is_on_sensor = (x[i] < column_end) & (y[i] < row_end)
+    kept = np.uint64(0)  # unsigned: a signed index is asked at each access whether it counts from the end
+    for i in range(np.uint64(count)):
         t[kept], x[kept], y[kept], p[kept] = t[i], x[i], y[i], p[i]
-        kept += is_on_sensor
-    return kept
+        kept += np.uint64((x[i] < column_end) & (y[i] < row_end))
+    return np.int64(kept)
