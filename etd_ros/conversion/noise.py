@@ -39,8 +39,8 @@ class BackgroundActivityFilter:
     so hot pixels are removed as well. What passes does not depend on how the events were cut into batches.
 
     Each pixel holds the time of its neighbours' last event: an event reads one value and writes eight, which takes no
-    branch. Times count from a base that follows the stream, so that they fit 32 bits where the window does; events
-    with one window and sensor size cost the same whatever they show.
+    branch, so that noise costs no more than contours. Times count from a base that follows the stream, so that they fit
+    32 bits where the window does.
     """
 
     def __init__(self, width: int, height: int, config: NoiseFilterConfig | None = None) -> None:
@@ -123,7 +123,8 @@ class BackgroundActivityFilter:
         if shift_ns > self._span_ns:
             _rebase(self._neighbour_ns, shift_ns, self._never)
             self._base_ns += shift_ns
-        return int(np.searchsorted(t, self._base_ns + self._span_ns, side="right"))
+        latest_ns = self._base_ns + self._span_ns
+        return len(t) if t[-1] <= latest_ns else int(np.searchsorted(t, latest_ns, side="right"))
 
 
 @njit(cache=True, nogil=True)
