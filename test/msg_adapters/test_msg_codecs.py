@@ -148,6 +148,31 @@ def test_evt3_forgets_its_time_on_reset():
     assert len(codec.decode(words("H", [0x0001, 0x2001]), WIDTH, HEIGHT).events) == 0
 
 
+@pytest.mark.parametrize("mask", [0x4FFF, 0x50FF])
+def test_a_senseless_run_of_evt3_masks_leaves_the_sensor_and_does_not_come_back(mask):
+    said = [0x8000, 0x6000, 0x0005, 0x3000 | 1270, *[mask] * 20_000]
+    decoded = Evt3Decoder().decode(words("H", said), WIDTH, HEIGHT)
+    assert decoded.events.x.tolist() == list(range(1270, 1280))
+    assert decoded.off_sensor == 20_000 * (mask & 0xFFF).bit_count() - 10
+
+
+def test_a_senseless_run_of_libcaer_cmp_masks_leaves_the_sensor_and_does_not_come_back():
+    said = [0x2005, 0x4000 | 710, *[0x50FF] * 20_000]
+    decoded = LibcaerCmpDecoder().decode(words("H", said), WIDTH, HEIGHT)
+    assert decoded.events.y.tolist() == list(range(710, 720))
+    assert decoded.off_sensor == 20_000 * 8 - 10
+
+
+@EXAMPLES
+@given(st.lists(EVT3_WORDS, max_size=5))
+def test_one_evt3_decoder_reads_payload_after_payload_as_the_table_says(payloads):
+    codec, said, kept = Evt3Decoder(), [], []
+    for payload in payloads:
+        said += payload
+        kept.append(codec.decode(words("H", payload), 1000, 700).events)
+    assert [row for events in kept for row in rows_of(events)] == decode_evt3(words("H", said), 1000, 700)[0]
+
+
 def test_trigger_words_are_no_events():
     decoded = TriggerDecoder().decode(words("Q", [1 << 63 | 5 << 48 | 77, 6 << 48 | 78]), WIDTH, HEIGHT, BASE_NS)
     triggers = decoded.triggers
