@@ -3,6 +3,7 @@
 from etd_ros.benchmarking.event_path import FULL, QUICK, Effort, event_path
 from etd_ros.benchmarking.peers import missing_packages
 from etd_ros.benchmarking.report import Row, as_json, check_writable, table, write
+from etd_ros.benchmarking.scaling import scaling, scaling_png
 from etd_ros.benchmarking.streams import BenchmarkError
 
 __all__ = [
@@ -15,6 +16,8 @@ __all__ = [
     "check_writable",
     "event_path",
     "missing_packages",
+    "scaling",
+    "scaling_png",
     "table",
     "write",
 ]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from etd_ros.benchmarking import peers
+from etd_ros.benchmarking import peers, subjects
 from etd_ros.benchmarking.comparing import rows
 from etd_ros.benchmarking.encoders import (
     ARRAY_LAYOUTS,
@@ -18,7 +18,6 @@ from etd_ros.benchmarking.encoders import (
     libcaer_payload,
     packet_content,
 )
-from etd_ros.benchmarking.measure import Subject
 from etd_ros.benchmarking.references import numpy_decoder
 from etd_ros.benchmarking.report import Row
 from etd_ros.benchmarking.streams import RECORDINGS, Stream
@@ -89,29 +88,20 @@ def decoding(wire: Wire, rounds: int) -> Iterator[Row]:
     counts = [len(events) for events in batches]
     stream, units = Stream(wire.name, batches[0]), sum(counts)
     size = (stream.events.width, stream.events.height)
-    ours = _subject(wire, units)
+    ours = subjects.decoding(wire.messages, wire.type_name, wire.layout, units)
     if wire.what == "evt3":
         payloads = [packet_content(message)[1] for message in wire.messages]
         yield from rows("evt3", stream, ours, peers.evt3_message_decoders(payloads, size, units), rounds)
         block = b"".join(payloads)
         message = event_packet(stream.events, "evt3", block, 0)
-        whole = replace(wire, name=f"{wire.name}, one block", messages=[message])
+        ours = subjects.decoding([message], wire.type_name, wire.layout, units)
+        stream = replace(stream, name=f"{wire.name}, one block")
         with peers.evt3_block_decoders(block, size, units) as others:
-            yield from rows("evt3", replace(stream, name=whole.name), _subject(whole, units), others, rounds)
+            yield from rows("evt3", stream, ours, others, rounds)
     elif wire.what == "libcaer_cmp":
         yield from rows(wire.what, stream, ours, [], rounds)
     else:
         yield from rows(wire.what, stream, ours, [numpy_decoder(wire.what, wire.messages, counts)], rounds)
-
-
-def _subject(wire: Wire, units: int) -> Subject:
-    decoder = decoder_for(wire.type_name, wire.layout)
-
-    def run() -> None:
-        for message in wire.messages:
-            decoder.decode(message)
-
-    return Subject(wire.what, run, units, decoder.reset)
 
 
 def _packet(encoding: str, events: Events, origin_ns: int) -> bytes:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console
 
@@ -14,14 +15,19 @@ from etd_ros.benchmarking import (
     FULL,
     QUICK,
     BenchmarkError,
-    Row,
+    Effort,
     as_json,
     check_writable,
     event_path,
     missing_packages,
+    scaling,
+    scaling_png,
     table,
     write,
 )
+from etd_ros.plots import check_matplotlib
+
+T = TypeVar("T")
 
 GROUPS = ("event-path",)
 DATA_VARIABLE = "ETD_DATA"
@@ -53,16 +59,20 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 
 def run(options: argparse.Namespace) -> int:
-    """Measure and print.
+    """Measure and print, or draw.
 
     Raises:
         BenchmarkError: the folder of recordings is missing, or the outputs cannot be written.
+        PlotError: Matplotlib, which the plot needs, is missing.
         RecordingError: a recording is damaged.
     """
+    effort = QUICK if options.quick else FULL
+    if options.scaling is not None:
+        _draw_scaling(options.scaling, effort)
+        return 0
     if options.write is not None:
         check_writable(options.write)
-    effort = QUICK if options.quick else FULL
-    rows = list(_shown(event_path(effort, _data(options.data))))
+    rows = list(_shown(event_path(effort, _data(options.data)), lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
     if options.write is not None:
         write(options.write, rows)
     if options.json:
@@ -74,6 +84,18 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         print(f"not installed, so not compared: {', '.join(missing)}; get them with: make bench", file=sys.stderr)
     return 0
+
+
+def _draw_scaling(path: Path, effort: Effort) -> None:
+    check_matplotlib()
+    points = list(_shown(scaling(effort.events, effort.rounds), lambda point: f"{point.axis}, {point.part}"))
+    beside = path.with_name(f".{path.name}.new")
+    try:
+        beside.write_bytes(scaling_png(points))
+        beside.replace(path)
+    except OSError as err:
+        msg = f"{path}: cannot be written ({err.strerror or err}): name another file with --scaling"
+        raise BenchmarkError(msg) from err
 
 
 def _group(text: str) -> str:
@@ -96,10 +118,9 @@ def _data(folder: Path | None) -> Path | None:
     return named or (DATA_DEFAULT if DATA_DEFAULT.is_dir() else None)
 
 
-def _shown(rows: Iterator[Row]) -> Iterator[Row]:
-    """The rows as they come, with a line on standard error that says how far the measurement is."""
-    console = Console(stderr=True)
-    with console.status("measuring ...") as status:
-        for row in rows:
-            status.update(f"measured {row.what} at {row.sensor} on {row.stream}")
-            yield row
+def _shown(results: Iterator[T], describe: Callable[[T], str]) -> Iterator[T]:
+    """The results as they come, with a line on standard error that says how far the measurement is."""
+    with Console(stderr=True).status("measuring ...") as status:
+        for result in results:
+            status.update(f"measured {describe(result)}")
+            yield result
