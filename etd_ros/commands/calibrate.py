@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 from rich.console import Console
 from rich.progress import Progress
@@ -68,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
 
     Raises:
         ConversionError: too few clear frames, or an option out of range.
+        ParameterError: a significance at which the interval is no longer one of NZGE.
     """
     _check_options(options)
     settings = read_settings(options.config, options.set)
@@ -83,6 +84,8 @@ def run(options: argparse.Namespace) -> int:
     except ConversionError as err:
         msg = f"{options.recording}: {err}"
         raise ConversionError(msg) from err
+    # An interval that the nodes would refuse is refused here, before anything is written.
+    dataclasses.replace(settings.atsltd, nzge_interval=_rounded(calibration.interval))
     if sheet is not None:
         write_beside(options.sheet, sheet.png(name))
     if options.histogram is not None:
@@ -95,11 +98,10 @@ def run(options: argparse.Namespace) -> int:
 
 def parameter_file(calibration: Calibration, settings: Settings, recording: str, significance: float) -> str:
     """A ROS 2 parameter file with the interval and what it holds for: cells, logarithm, noise filter."""
-    alpha, beta = (round(bound, DECIMALS) for bound in calibration.interval)
     parameters = {
         "noise_filter": {"window_s": settings.noise_filter.window_s},
         "atsltd": {
-            "nzge_interval": [alpha, beta],
+            "nzge_interval": list(_rounded(calibration.interval)),
             "cell_size": settings.atsltd.cell_size,
             "log_base": settings.atsltd.log_base,
         },
@@ -113,25 +115,32 @@ def parameter_file(calibration: Calibration, settings: Settings, recording: str,
     return "\n".join(lines)
 
 
+def _rounded(interval: tuple[float, float]) -> tuple[float, float]:
+    return round(interval[0], DECIMALS), round(interval[1], DECIMALS)
+
+
 @dataclass(slots=True)
 class _Sheet:
     """Pictures of the frames as they come, so that their events need not be kept."""
 
     instants: int
+    height_per_width: float = 0.0
+    """Of the first frame; a recording in which the sensor size changes has others, which are stretched."""
     chosen: list[Picture] = field(default_factory=list)
     compared: list[Picture] = field(default_factory=list)
 
     def add(self, sample: Sample) -> None:
         """Draw a sample's frame, and at some instants the shorter and the longer one."""
         data = sample.frame_data()
+        self.height_per_width = self.height_per_width or data.shape[0] / data.shape[1]
         window = busy_window(data)
         if len(self.chosen) % max(1, self.instants // COMPARED) == 0:
             captions = ("half the events", f"chosen: NZGE {sample.nzge:.4f}", "twice the events")
             for scale, caption in zip(NEIGHBOUR_SCALES, captions, strict=True):
-                picture = caption_frame(sample.frame_data(scale)[window], _size(data, COMPARED_WIDTH), caption)
+                picture = caption_frame(sample.frame_data(scale)[window], self._size(COMPARED_WIDTH), caption)
                 self.compared.append(picture)
         caption = f"{sample.nzge:.4f} {sample.duration_s * 1e3:.4g} ms"
-        self.chosen.append(caption_frame(data[window], _size(data, CHOSEN_WIDTH), caption))
+        self.chosen.append(caption_frame(data[window], self._size(CHOSEN_WIDTH), caption))
 
     def png(self, name: str) -> bytes:
         return sheet_png(
@@ -141,9 +150,8 @@ class _Sheet:
             ]
         )
 
-
-def _size(data: npt.NDArray[np.uint8], width: int) -> tuple[int, int]:
-    return width, max(1, round(width * data.shape[0] / data.shape[1]))
+    def _size(self, width: int) -> tuple[int, int]:
+        return width, max(1, round(width * self.height_per_width))
 
 
 def _check_options(options: argparse.Namespace) -> None:

@@ -17,8 +17,10 @@ from etd_ros.commands.calibrate import text_histogram
 from etd_ros.conversion import PAPER_INTERVAL, AtsltdConverter
 from etd_ros.conversion.calibration import calibrate
 from etd_ros.evaluation import read_tracks
+from etd_ros.events import Events
 from etd_ros.recordings import open_recording
 from etd_ros.settings import read_parameter_file, settings_from_mapping
+from msg_adapters import encode_event_packet
 
 
 @pytest.fixture
@@ -138,6 +140,11 @@ def test_too_few_samples_are_refused(capsys, place, demo):
     assert "5 frames" in refused(capsys, place, str(demo), "--samples", "5", "--output", "a.yaml")
 
 
+def test_an_interval_that_the_nodes_would_refuse_is_not_written(capsys, place, demo):
+    line = refused(capsys, place, str(demo), "--samples", "20", "--significance", "1e-300", "--output", "a.yaml")
+    assert "nzge_interval" in line
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -169,3 +176,16 @@ def test_nothing_but_a_histogram_needs_matplotlib(capsys, place, demo, monkeypat
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     command = ["calibrate", str(demo), "--samples", "20", "--sheet", "sheet.png", "--output", "sensor.yaml"]
     assert main(command) == 0
+
+
+def test_a_recording_in_which_the_sensor_size_changes_has_a_sheet(demo, place, tmp_path):
+    with open_recording(demo) as recording:
+        events = list(recording.events())[:150]
+    larger = [Events(batch.t + 2 * 10**9, batch.x, batch.y, batch.p, 300, 180) for batch in events]
+    packets = [
+        encode_event_packet(batch, stamp_ns=int(batch.t[-1]), frame_id="cam", seq=seq)
+        for seq, batch in enumerate([*events, *larger])
+    ]
+    bag = command_bags.write_bag(tmp_path / "two_sizes", packets)
+    assert main(["calibrate", str(bag), "--samples", "20", "--sheet", "sheet.png"]) == 0
+    assert np.ptp(cv2.imread(str(place / "sheet.png"))) > 200
