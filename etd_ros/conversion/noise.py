@@ -63,6 +63,7 @@ class BackgroundActivityFilter:
         # A border of one pixel that never has events spares the kernel all comparisons with the sensor's size.
         self._stride = np.uint64(width + 2)
         self._neighbour_ns = np.full((height + 2) * (width + 2), self._never, dtype)
+        _rebase(self._neighbour_ns, 0, self._never)  # Compiled now, not in the middle of a stream.
         self._indices = ArrayPool(np.uint32)
         self._columns = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8)
 
@@ -83,7 +84,7 @@ class BackgroundActivityFilter:
         if not self._window_ns:
             return events
         indices = self._find_passing(events)
-        t, x, y, p = (column[: len(indices)] for column in self._columns.take(len(indices)))
+        t, x, y, p = [column[: len(indices)] for column in self._columns.take(len(indices))]
         _gather(events.t, events.x, events.y, events.p, indices, t, x, y, p)
         return Events(t, x, y, p, events.width, events.height)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +28,7 @@ FINE_DECAY = np.exp(-np.arange(TABLE_SIZE) / TICKS_PER_TIME_CONSTANT)
 COARSE_DECAY = np.append(np.exp(-np.arange(TABLE_SIZE) * (TABLE_SIZE / TICKS_PER_TIME_CONSTANT)), 0.0)
 """Its last entry is for everything past the span."""
 
-PIXEL_DTYPE = np.dtype([("level", np.float32), ("tick", np.int32)])
+PIXEL_DTYPE = np.dtype([("level", np.float32), ("tick", np.int32)], align=True)
 """What is kept of a pixel: 8 bytes in one place, so that an event costs one access to memory."""
 TICK_MAX = 2**31 - 1
 TICK_MIN = -(2**31)
@@ -100,6 +101,7 @@ class HighPassFilter:
         self._brightness = np.empty((height, width), np.float32)
         self._unsmoothed = np.empty((height, width), np.uint8)
         self.reset()
+        _rebase(self._state, 0)  # Compiled now, not in the middle of a stream.
 
     def reset(self) -> None:
         """Forget everything: the next events start a new stream."""
@@ -123,10 +125,7 @@ class HighPassFilter:
             return
         if self._base_ns is None:
             self._base_ns = int(events.t[0])
-        first = 0
-        while first < len(events):
-            end = self._within_ticks(events.t, first)
-            part = events[first:end]
+        for part in self._parts(events):
             _integrate(
                 part.t,
                 part.x,
@@ -142,7 +141,6 @@ class HighPassFilter:
                 FINE_DECAY,
                 COARSE_DECAY,
             )
-            first = end
 
     def levels(self, stamp_ns: int) -> npt.NDArray[np.float32]:
         """Log intensity L at a time (ns) not before the last event, float32, shape (height, width)."""
@@ -178,19 +176,22 @@ class HighPassFilter:
         assert self._base_ns is not None
         return int((int(stamp_ns) - self._base_ns) * self._ticks_per_ns)
 
-    def _within_ticks(self, t: npt.NDArray[np.int64], first: int) -> int:
-        """End of the events from `first` on whose ticks fit the pixels'.
+    def _parts(self, events: Events) -> Iterator[Events]:
+        """The events in parts whose ticks fit the pixels'; in between, ticks start to count anew.
 
-        If that of `first` itself does not, ticks count anew from there: once in 500 spans of the filter's memory, so
-        that neither the pass over the pixels nor the rounding counts.
+        That happens once in 500 spans of the filter's memory, so neither the pass over the pixels nor its rounding
+        counts.
         """
-        shift = self._tick(t[first])
-        if shift > TICK_MAX:
-            _rebase(self._state, shift)
-            self._base_ns = int(t[first])
-        if self._tick(t[-1]) <= TICK_MAX:
-            return len(t)
-        return bisect.bisect_right(t, TICK_MAX, lo=first, key=self._tick)
+        while self._tick(events.t[-1]) > TICK_MAX:
+            shift = self._tick(events.t[0])
+            if shift > TICK_MAX:
+                _rebase(self._state, shift)
+                self._base_ns = int(events.t[0])
+            else:
+                end = bisect.bisect_right(events.t, TICK_MAX, key=self._tick)
+                yield events[:end]
+                events = events[end:]
+        yield events
 
 
 @njit(cache=True, nogil=True)
