@@ -151,8 +151,10 @@ class PerSensor(Generic[StageT]):
         self._size: tuple[int, int] | None = None
         self._stage: StageT
 
-    def at(self, batch: StreamBatch) -> StageT:
-        """The stage for the next batch, and for what belongs to it."""
+    def at(self, batch: StreamBatch | None) -> StageT:
+        """The stage for the next batch; None for the same as the last time, which is there by then."""
+        if batch is None:
+            return self._stage
         size = (batch.events.width, batch.events.height)
         if size != self._size:
             self._stage = self._make(*size)
@@ -256,9 +258,7 @@ def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings) -> 
 def _images(parts: Iterable[Part], settings: Settings) -> Iterator[Part]:
     sources = PerSensor(lambda width, height: ImageSource(width, height, settings))
     for part in parts:
-        if part.batch is not None:
-            source = sources.at(part.batch)
-        yield source.take(part)
+        yield sources.at(part.batch).take(part)
 
 
 def _steps(parts: Iterable[Part], targets: list[TargetStart], method: str, settings: Settings) -> Iterator[Step]:

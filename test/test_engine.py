@@ -246,3 +246,24 @@ def test_a_frame_without_its_events_has_no_image():
     frame = next(FrameSource("atsltd", WIDTH, HEIGHT, Settings()).frames(EVENTS))
     with pytest.raises(EngineError, match="were not given"):
         ImageSource(WIDTH, HEIGHT, Settings()).take(Part(None, frame))
+
+
+@pytest.mark.parametrize("start_ns", [0, 2**62 - 10**12], ids=["at 0", "at the latest time"])
+def test_boxes_do_not_depend_on_when_the_stream_is(start_ns):
+    shift_ns = start_ns - int(EVENTS.t[0])
+    shifted = Events(EVENTS.t + shift_ns, EVENTS.x, EVENTS.y, EVENTS.p, WIDTH, HEIGHT)
+    expected = [(stamp_ns + shift_ns, *rest) for stamp_ns, *rest in WHOLE["etd"]]
+    assert rows(tracked(cut_at(shifted, [1000]))) == expected
+
+
+@pytest.mark.parametrize("hours", [1, 1000, 100_000])
+def test_frames_and_images_long_into_a_stream_are_those_of_a_new_one(hours):
+    later = Events(EVENTS.t + hours * 3600 * 10**9, EVENTS.x, EVENTS.y, EVENTS.p, WIDTH, HEIGHT)
+    first, last = tracked(cut_at(EVENTS, [])), tracked(cut_at(later, []))
+    steps = tracked([StreamBatch(EVENTS, None), StreamBatch(later, None)])[-len(last) :]
+    assert [step.frame.stamp_ns for step in steps] == [step.frame.stamp_ns for step in last]
+    assert len(last) == len(first)
+    for step, expected in zip(steps, last, strict=True):
+        assert np.array_equal(step.frame.data, expected.frame.data)
+        # Ticks of the reconstruction begin with the stream, so they are rounded elsewhere.
+        assert np.abs(step.image.astype(int) - expected.image).max() <= 1

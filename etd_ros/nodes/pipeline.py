@@ -6,27 +6,43 @@ import sys
 
 from sensor_msgs.msg import Image
 
-from etd_ros.engine import Engine, Step, make_tracker
+from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, make_tracker
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.nodes.worker import Relay
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch
+from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import EventMessage, encode_image
+
+PARTS_AHEAD = 8
+"""Frames that may wait for reconstruction, and as many for the tracker."""
 
 
 class Pipeline(EtdNode):
-    """Decodes events once and hands frames over without serialisation; publishes only what somebody reads."""
+    """Decodes events once and hands frames over without serialisation; publishes only what somebody reads.
+
+    Three threads, as in `etd_ros.engine.track`: the worker decodes and converts, the next one reconstructs, the last
+    one tracks and publishes.
+    """
 
     def __init__(self) -> None:
         super().__init__("pipeline", tuple(STAGES), TrackingOptions)
-        self._targets = TargetInput(self)
+        make_tracker(self.options.method, 1, 1, self.settings)
+        method = method_named(self.options.method)
+        self._imaging = Relay("pipeline_imaging", PARTS_AHEAD, self._on_worker_error)
+        self._tracking = Relay("pipeline_tracking", PARTS_AHEAD, self._on_worker_error)
+        self._recovers = method.recovers
+        self._frame_sources = PerSensor(lambda w, h: FrameSource(method.conversion, w, h, self.settings))
+        self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
+        self._tracker: MultiTracker | None = None
+        self._tracker_shape = (0, 0)
+        self._targets = TargetInput(self, self._tracking.submit)
         self._output = TrackingOutput(self)
         self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
         self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
-        self._engine: Engine | None = None
-        make_tracker(self.options.method, 1, 1, self.settings)
-        self._reset = ResetService(self, self._forget)
+        self._reset = ResetService(self, lambda _: self._tracking.submit(self._forget))
         self._input = EventInput(self, self._on_events, self._wanted)
 
     def diagnostics(self) -> dict[str, object]:
@@ -40,32 +56,50 @@ class Pipeline(EtdNode):
             **{f"state of {name}": state for name, state in self._output.states.items()},
         }
 
+    def stop(self) -> None:
+        """End the threads, the last one first: an earlier one may be waiting for it."""
+        self._tracking.stop()
+        self._imaging.stop()
+        super().stop()
+
     def _wanted(self) -> bool:
         return bool(
             self._output.subscribers or self._frames.get_subscription_count() or self._images.get_subscription_count()
         )
 
-    def _forget(self, _: bytes) -> None:
-        self._engine = None
+    def _forget(self) -> None:
+        self._tracker = None
 
     def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
-        events = batch.events
-        if self._engine is None or (events.width, events.height) != (self._engine.width, self._engine.height):
-            self._engine = Engine(events.width, events.height, method=self.options.method, settings=self.settings)
-            self._targets.start_all(self._engine.tracker, int(events.t[0]))
-        elif batch.restart is not None:
-            self._engine.reset()
-        self._targets.start_new(self._engine.tracker)
-        for step in self._engine.feed(events):
-            self._publish(step, message.frame_id)
+        for part in self._frame_sources.at(batch).parts(batch):
+            self._hand_over(part, message.frame_id)
 
-    def _publish(self, step: Step, frame_id: str) -> None:
-        stamp_ns = step.frame.stamp_ns
+    def _hand_over(self, part: Part, frame_id: str) -> None:
+        if self._recovers:
+            self._imaging.submit(lambda: self._reconstruct(part, frame_id))
+        elif part.frame is not None:
+            self._tracking.submit(lambda: self._track(part, frame_id))
+
+    def _reconstruct(self, part: Part, frame_id: str) -> None:
+        imaged = self._image_sources.at(part.batch).take(part)
+        if imaged.frame is not None:
+            self._tracking.submit(lambda: self._track(imaged, frame_id))
+
+    def _track(self, part: Part, frame_id: str) -> None:
+        frame, image = part.frame, part.image
+        assert frame is not None
+        height, width = shape = frame.data.shape[:2]
+        if self._tracker is None or shape != self._tracker_shape:
+            self._tracker = make_tracker(self.options.method, width, height, self.settings)
+            self._tracker_shape = shape
+            self._targets.start_all(self._tracker, frame.start_ns)
+        self._targets.start_new(self._tracker)
+        reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         if self._frames.get_subscription_count():
-            self._frames.publish(encode_image(step.frame.data, stamp_ns=stamp_ns, frame_id=frame_id))
-        if step.image is not None and self._images.get_subscription_count():
-            self._images.publish(encode_image(step.image, stamp_ns=stamp_ns, frame_id=frame_id))
-        self._output.publish(stamp_ns, frame_id, step.frame.data, step.image, step.reports)
+            self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
+        if image is not None and self._images.get_subscription_count():
+            self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
+        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports)
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +15,14 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
-from etd_ros.nodes.worker import Handler
+from etd_ros.nodes.worker import Handler, Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
 from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
 from etd_ros.tracking import METHODS, MultiTracker, TargetReport, TargetState
 from msg_adapters import (
     Detection,
+    DetectionsMessage,
     DiagnosticStatus,
     Level,
     decode_detections,
@@ -47,10 +49,16 @@ class TrackingOptions(NodeOptions):
 
 
 class TargetInput:
-    """The targets that were asked for: by parameters, and by messages on `~/targets`."""
+    """The targets that were asked for: by parameters, and by messages on `~/targets`.
 
-    def __init__(self, node: EtdNode) -> None:
+    Args:
+        node: whose parameters and topic they are.
+        submit: runs a task in the tracker's thread, where the targets are started; by default that is the worker's.
+    """
+
+    def __init__(self, node: EtdNode, submit: Callable[[Task], None] = lambda task: task()) -> None:
         self._node = node
+        self._submit = submit
         self._targets = {target.name: target for target in _from_options(node.options)}
         self._new: dict[str, TargetStart] = {}
         self._unnamed = 0
@@ -97,10 +105,13 @@ class TargetInput:
             self._node.count_error(err)
 
     def _receive(self, message: bytes) -> None:
-        self._node.worker.submit(self._on_targets, message)
+        self._node.worker.submit(self._decode, message)
 
-    def _on_targets(self, message: bytes) -> None:
+    def _decode(self, message: bytes) -> None:
         decoded = decode_detections(message)
+        self._submit(lambda: self._take(decoded))
+
+    def _take(self, decoded: DetectionsMessage) -> None:
         for detection in decoded.detections:
             name = detection.id or detection.class_id
             if not name:

@@ -1,4 +1,4 @@
-"""One thread that does a node's heavy work, fed through a queue that is bounded in bytes."""
+"""Threads that do a node's heavy work, fed through bounded queues."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 Handler = Callable[[bytes], None]
+Task = Callable[[], None]
 
 
 @dataclass(slots=True)
@@ -18,8 +19,42 @@ class WorkerCounters:
     dropped_bytes: int = 0
 
 
-class Worker:
-    """Runs handlers on messages, one at a time and in order, in a thread of its own.
+class _TaskThread:
+    """Runs tasks, one at a time and in order; subclasses decide what waits."""
+
+    def __init__(self, name: str, on_error: Callable[[Exception], None]) -> None:
+        self._on_error = on_error
+        self._queue: deque[tuple[Task, int]] = deque()
+        self._queued_bytes = 0
+        self._stopping = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Drop what waits, let the task at work finish, and end the thread."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopping or self._queue)
+                if self._stopping:
+                    return
+                task, size = self._queue.popleft()
+                self._queued_bytes -= size
+                self._changed.notify_all()
+            try:
+                task()
+            except Exception as err:
+                self._on_error(err)
+
+
+class Worker(_TaskThread):
+    """Runs handlers on messages in a thread of its own.
 
     The executor's thread only puts messages in, so that DDS never waits for the method. When the queue holds
     more than `max_bytes`, the oldest messages are dropped and counted: late boxes are worth less than lost ones.
@@ -28,13 +63,7 @@ class Worker:
     def __init__(self, name: str, max_bytes: int, on_error: Callable[[Exception], None]) -> None:
         self.counters = WorkerCounters()
         self._max_bytes = max_bytes
-        self._on_error = on_error
-        self._queue: deque[tuple[Handler, bytes]] = deque()
-        self._queued_bytes = 0
-        self._stopping = False
-        self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        super().__init__(name, on_error)
 
     @property
     def queued_bytes(self) -> int:
@@ -44,31 +73,29 @@ class Worker:
     def submit(self, handler: Handler, message: bytes) -> None:
         """Have `handler(message)` called in the worker's thread."""
         with self._changed:
-            self._queue.append((handler, message))
+            self._queue.append((lambda: handler(message), len(message)))
             self._queued_bytes += len(message)
             while self._queued_bytes > self._max_bytes and len(self._queue) > 1:
-                _, dropped = self._queue.popleft()
-                self._queued_bytes -= len(dropped)
+                _, dropped_bytes = self._queue.popleft()
+                self._queued_bytes -= dropped_bytes
                 self.counters.dropped_messages += 1
-                self.counters.dropped_bytes += len(dropped)
-            self._changed.notify()
+                self.counters.dropped_bytes += dropped_bytes
+            self._changed.notify_all()
 
-    def stop(self) -> None:
-        """Drop what waits, let the message at work finish, and end the thread."""
+
+class Relay(_TaskThread):
+    """A later stage's thread. An earlier stage that is too fast waits; nothing on the way between two is dropped.
+
+    So the queue of messages at the node's input is the only place where a slow node loses any.
+    """
+
+    def __init__(self, name: str, depth: int, on_error: Callable[[Exception], None]) -> None:
+        self._depth = depth
+        super().__init__(name, on_error)
+
+    def submit(self, task: Task) -> None:
+        """Have the task run in the relay's thread; return once fewer than `depth` wait, or the relay is stopped."""
         with self._changed:
-            self._stopping = True
-            self._changed.notify()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._stopping or self._queue)
-                if self._stopping:
-                    return
-                handler, message = self._queue.popleft()
-                self._queued_bytes -= len(message)
-            try:
-                handler(message)
-            except Exception as err:
-                self._on_error(err)
+            self._changed.wait_for(lambda: self._stopping or len(self._queue) < self._depth)
+            self._queue.append((task, 0))
+            self._changed.notify_all()

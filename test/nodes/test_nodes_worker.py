@@ -1,10 +1,10 @@
-"""The worker thread of a node."""
+"""The threads of a node."""
 
 import threading
 
 import pytest
 
-from etd_ros.nodes.worker import Worker
+from etd_ros.nodes.worker import Relay, Worker
 
 
 @pytest.fixture
@@ -78,3 +78,73 @@ def test_an_error_is_reported_and_the_next_message_handled(worker, errors):
     run_all(worker)
     assert seen == [b"good"]
     assert [str(error) for error in errors] == ["bad message"]
+
+
+@pytest.fixture
+def relay(errors):
+    made = Relay("test", 2, errors.append)
+    yield made
+    made.stop()
+
+
+def test_a_relay_runs_tasks_in_order_and_drops_none(relay):
+    seen = []
+    for number in range(50):
+        relay.submit(lambda number=number: seen.append(number))
+    done = threading.Event()
+    relay.submit(done.set)
+    assert done.wait(60)
+    assert seen == list(range(50))
+
+
+def test_a_stage_that_is_too_fast_waits_for_the_next_one(relay):
+    go_on, third_is_in = threading.Event(), threading.Event()
+    begun = threading.Event()
+    relay.submit(lambda: begun.set() or go_on.wait())
+    begun.wait()
+    seen = []
+
+    def submit_all():
+        for number in range(3):
+            relay.submit(lambda number=number: seen.append(number))
+        third_is_in.set()
+
+    thread = threading.Thread(target=submit_all)
+    thread.start()
+    assert not third_is_in.is_set()
+    go_on.set()
+    assert third_is_in.wait(60)
+    thread.join()
+    done = threading.Event()
+    relay.submit(done.set)
+    assert done.wait(60)
+    assert seen == [0, 1, 2]
+
+
+def test_an_error_in_a_relay_is_reported_and_the_next_task_run(relay, errors):
+    def fail():
+        msg = "bad frame"
+        raise ValueError(msg)
+
+    done = threading.Event()
+    relay.submit(fail)
+    relay.submit(done.set)
+    assert done.wait(60)
+    assert [str(error) for error in errors] == ["bad frame"]
+
+
+def test_stopping_a_relay_frees_the_stage_that_waits_for_it():
+    relay = Relay("stopped", 1, list)
+    go_on, begun = threading.Event(), threading.Event()
+    relay.submit(lambda: begun.set() or go_on.wait())
+    begun.wait()
+    relay.submit(int)
+    waiting = threading.Thread(target=relay.submit, args=(int,))
+    waiting.start()
+    stopping = threading.Thread(target=relay.stop)
+    stopping.start()
+    waiting.join(60)
+    assert not waiting.is_alive()
+    go_on.set()
+    stopping.join(60)
+    assert not stopping.is_alive()
