@@ -59,20 +59,25 @@ class ArrayPool:
     def take(self, length: int) -> Arrays:
         """A group of arrays of one length, at least `length` items, whose content is undefined."""
         self._takes += 1
-        group = self._free(length) or _Group(self._dtypes, _rounded(length))
+        groups = self._groups
+        place = self._free_place(length)
+        if place is None:
+            groups.append(_Group(self._dtypes, _rounded(length)))
+        elif place != len(groups) - 1:
+            groups.append(groups.pop(place))
+        group = groups[-1]
         group.taken = self._takes
-        self._groups.append(group)
-        if self._takes - self._groups[0].taken >= PATIENCE:
-            del self._groups[0]
+        if self._takes - groups[0].taken >= PATIENCE:
+            del groups[0]
         return group.arrays
 
-    def _free(self, length: int) -> _Group | None:
-        """Removes the free group of fitting length that was lent last."""
+    def _free_place(self, length: int) -> int | None:
+        """Place of the free group of fitting length that was lent last."""
         longest = max(EXCESS_MAX * length, LENGTH_SHORT)
         for place in range(len(self._groups) - 1, -1, -1):
             group = self._groups[place]
             if length <= group.length <= longest and group.is_free():
-                return self._groups.pop(place)
+                return place
         return None
 
 
@@ -84,12 +89,14 @@ class _Group:
         self.arrays: Arrays = tuple([np.empty(length, dtype) for dtype in dtypes])
         self.taken = 0
         # Measured, because interpreters differ in what they count.
-        self._references_when_free = [*map(getrefcount, self.arrays)], getrefcount(self.arrays)
+        self._references_when_free = self._references()
 
     def is_free(self) -> bool:
-        of_each, of_group = self._references_when_free
-        # The tuple is looked at too: a caller may hold it and have no name for its arrays.
-        return [*map(getrefcount, self.arrays)] == of_each and getrefcount(self.arrays) == of_group
+        return self._references() == self._references_when_free
+
+    def _references(self) -> int:
+        # Those to the tuple count too: a caller may hold it and have no name for its arrays.
+        return sum(map(getrefcount, self.arrays), getrefcount(self.arrays))
 
 
 def _rounded(length: int) -> int:

@@ -24,7 +24,6 @@ and count those they have.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -47,6 +46,7 @@ from msg_adapters.codecs.words import (
 CODE_SHIFT, VALUE_MASK = 12, 0xFFF
 Y, SINGLE_X, BASE_X, MASK_12, MASK_8, TIME_LOW = 0x0, 0x2, 0x3, 0x4, 0x5, 0x6
 CONTINUED_4, TIME_HIGH, TRIGGER, OTHERS, CONTINUED_12 = 0x7, 0x8, 0xA, 0xE, 0xF
+Y_WORD_MAX = Y << CODE_SHIFT | VALUE_MASK
 COORDINATE_MASK, POLARITY_SHIFT = 0x7FF, 11
 MASK_12_BITS, MASK_8_BITS, MASK_8_MASK = 12, 8, 0xFF
 TRIGGER_EDGE_MASK, TRIGGER_ID_SHIFT = 0x1, 8
@@ -60,10 +60,9 @@ TIME_BITS = 24
 STEP_BACK_MAX = 10
 """A time high that falls by more than this many units of 4096 us has wrapped."""
 
-# Tables over the 16 codes. The compiler cannot see through them; if it could, it would make branches of them.
+# A table over the 16 codes. The compiler cannot see through it; if it could, it would make branches of it.
 _FREQUENT = (Y, SINGLE_X, TIME_LOW, CONTINUED_4, OTHERS, CONTINUED_12)
 _RARE = np.array([0 if code in _FREQUENT else 0xFFFF for code in range(16)], np.int64)
-_SETS_ROW = np.array([-1 if code == Y else 0 for code in range(16)], np.int64)
 
 # Tables over the 12-bit masks.
 _BITS_SET = bits_set(MASK_12_BITS)
@@ -95,7 +94,7 @@ class Evt3Decoder:
             skipped_early = self._decode(words[:known_from], width, height).skipped_words
             words = words[known_from:]
         decoded = self._decode(words, width, height)
-        return replace(decoded, skipped_words=decoded.skipped_words + skipped_early) if skipped_early else decoded
+        return decoded._replace(skipped_words=decoded.skipped_words + skipped_early)
 
     def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
         event_capacity, trigger_capacity = _capacities(words)
@@ -148,7 +147,7 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
         value = word & VALUE_MASK
         if not _RARE[code] & (word ^ high_word):
             column = value & COORDINATE_MASK
-            row ^= (row ^ column) & _SETS_ROW[code]
+            row = column if word <= Y_WORD_MAX else row
             low_time_ns = high_ns + 1000 * value
             time_ns = low_time_ns if code == TIME_LOW else time_ns
             t[count] = time_ns

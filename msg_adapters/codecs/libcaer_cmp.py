@@ -43,9 +43,10 @@ MASK_8_BITS, MASK_8_MASK = 8, 0xFF
 BASE_ROW_MAX = np.int64(0xFFFF - MASK_8_BITS)
 """Where a senseless run of masks ends: its rows must not wrap to the sensor again."""
 
-# Tables over the 16 codes. The compiler cannot see through them; if it could, it would make branches of them.
+# The frequent words TIME_LOW < X < SINGLE_Y are told apart as a whole: of repeated questions for the code the compiler
+# would make branches.
+X_WORD, SINGLE_Y_WORD = X << CODE_SHIFT, SINGLE_Y << CODE_SHIFT
 _IS_FREQUENT = np.array([code in (TIME_LOW, X, SINGLE_Y) for code in range(16)])
-_SETS_COLUMN = np.array([-1 if code == X else 0 for code in range(16)], np.int64)
 
 # Tables over the 8-bit masks.
 _BITS_SET = bits_set(MASK_8_BITS)
@@ -93,14 +94,14 @@ def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
         value = word & VALUE_MASK
         if _IS_FREQUENT[code]:
             coordinate = value & COORDINATE_MASK
-            column ^= (column ^ coordinate) & _SETS_COLUMN[code]
+            column = coordinate if (word ^ X_WORD) <= VALUE_MASK else column
             low_time_ns = high_ns + 1000 * value
-            time_ns = low_time_ns if code == TIME_LOW else time_ns
+            time_ns = low_time_ns if word < X_WORD else time_ns
             t[count] = time_ns
             x[count] = column
             y[count] = coordinate
             p[count] = value >> POLARITY_SHIFT
-            count += np.uint64(code == SINGLE_Y)
+            count += np.uint64(word >= SINGLE_Y_WORD)
         elif code == MASK_8:
             mask = value & MASK_8_MASK
             for k in range(MASK_8_BITS):

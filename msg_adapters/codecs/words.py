@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeAlias, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -53,8 +53,7 @@ class Triggers:
         return len(self.t)
 
 
-@dataclass(frozen=True, slots=True)
-class DecodedWords:
+class DecodedWords(NamedTuple):
     """What one payload held.
 
     Attributes:
@@ -93,15 +92,18 @@ def as_words(payload: Payload, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     Raises:
         MessageError: the payload ends inside a word.
     """
-    # Read-only whatever the source, so that compiled kernels see one type of array.
-    data = memoryview(cast("bytes", payload)).cast("B").toreadonly()
-    if len(data) % dtype.itemsize:
+    try:
+        words = np.frombuffer(payload, dtype)
+    except ValueError as err:
+        size = memoryview(cast("bytes", payload)).nbytes
         msg = (
-            f"message cut short: {len(data)} bytes of events end inside a word of {dtype.itemsize} bytes; "
+            f"message cut short: {size} bytes of events end inside a word of {dtype.itemsize} bytes; "
             "get the whole message, or check its encoding"
         )
-        raise MessageError(msg)
-    return np.frombuffer(data, dtype)
+        raise MessageError(msg) from err
+    # Whatever the source, so that compiled kernels see one type of array.
+    words.flags.writeable = False
+    return words
 
 
 def bits_set(mask_bits: int) -> npt.NDArray[np.uint64]:
