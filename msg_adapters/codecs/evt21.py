@@ -22,10 +22,10 @@ from msg_adapters.codecs.words import (
     DecodedWords,
     EventPool,
     Payload,
-    TriggerPool,
     as_words,
     events_on_sensor,
     first_triggers,
+    trigger_columns,
 )
 
 TYPE_SHIFT, TYPE_MASK, OFF, ON, TIME_HIGH, TRIGGER = 60, 0xF, 0x0, 0x1, 0x8, 0xA
@@ -52,7 +52,7 @@ class Evt21Decoder:
     def __init__(self, *, halves_swapped: bool = False) -> None:
         self._halves_swapped = halves_swapped
         self._state = np.full(_STATE_SIZE, -1, np.int64)
-        self._events, self._triggers = EventPool(), TriggerPool()
+        self._events = EventPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
@@ -60,7 +60,7 @@ class Evt21Decoder:
         if self._halves_swapped:
             words = as_words(words.view("<u4").reshape(-1, 2)[:, ::-1].tobytes(), WORD_64)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = self._events.take(event_capacity), self._triggers.take(trigger_capacity)
+        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_capacity)
         count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
         events = events_on_sensor(columns, count, width, height)
         return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))

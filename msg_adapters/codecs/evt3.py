@@ -35,12 +35,12 @@ from msg_adapters.codecs.words import (
     DecodedWords,
     EventPool,
     Payload,
-    TriggerPool,
     as_words,
     bits_set,
     events_on_sensor,
     first_triggers,
     set_bits,
+    trigger_columns,
 )
 
 CODE_SHIFT, VALUE_MASK = 12, 0xFFF
@@ -83,7 +83,7 @@ class Evt3Decoder:
 
     def __init__(self) -> None:
         self._state = np.zeros(_STATE_SIZE, np.int64)
-        self._events, self._triggers = EventPool(), TriggerPool()
+        self._events = EventPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
@@ -98,7 +98,7 @@ class Evt3Decoder:
 
     def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
         event_capacity, trigger_capacity = _capacities(words)
-        columns, triggers = self._events.take(event_capacity), self._triggers.take(trigger_capacity)
+        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_capacity)
         count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
         events = events_on_sensor(columns, count, width, height)
         return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))

@@ -129,15 +129,11 @@ class EventPool:
         return cast("Columns", self._pool.take(capacity))
 
 
-class TriggerPool:
-    """The same for triggers."""
-
-    def __init__(self) -> None:
-        self._pool = ArrayPool(np.int64, np.uint16, np.uint8)
-
-    def take(self, capacity: int) -> TriggerColumns:
-        """Uninitialised arrays t, id, edge of at least `capacity` items."""
-        return cast("TriggerColumns", self._pool.take(capacity) if capacity else _NO_TRIGGER_COLUMNS)
+def trigger_columns(capacity: int) -> TriggerColumns:
+    """Uninitialised arrays t, id, edge for up to `capacity` triggers; they are few, so each message has its own."""
+    if not capacity:
+        return _NO_TRIGGER_COLUMNS
+    return np.empty(capacity, np.int64), np.empty(capacity, np.uint16), np.empty(capacity, np.uint8)
 
 
 def events_on_sensor(columns: Columns, count: int, width: int, height: int) -> Events:
