@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-import cv2
-
 from etd_ros.benchmarking import frames
 from etd_ros.benchmarking.decoding import decoding, recorded_wire, synthetic_wire
 from etd_ros.benchmarking.report import Row
@@ -67,7 +65,6 @@ def event_path(effort: Effort, data: Path | None) -> Iterator[Row]:
         RecordingError: a recording is damaged.
         BenchmarkError: a recording holds no events.
     """
-    cv2.setNumThreads(1)
     recordings = _recordings(effort, data) if data is not None else ()
     for stream in chain(_streams(effort, KINDS), recordings):
         yield from frames.conversion(stream, effort.rounds, all_peers=stream.kind in ALL_PEERS_ON)

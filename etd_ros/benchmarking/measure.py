@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -59,15 +60,15 @@ def compare(ours: Subject, peer: Subject | None, rounds: int) -> Comparison:
     change the comparison.
     """
     subjects = [ours] if peer is None else [ours, peer]
-    for subject in subjects:
-        _seconds_per_unit(subject)
-    seconds: dict[str, list[float]] = {"ours": [], "peer": []}
-    roles = list(zip(seconds, subjects, strict=False))
-    with _no_garbage_collection():
+    order = range(len(subjects))
+    seconds = np.empty((len(subjects), rounds))
+    with _alone():
+        for subject in subjects:
+            _seconds_per_unit(subject)
         for number in range(rounds):
-            for role, subject in roles if number % 2 == 0 else reversed(roles):
-                seconds[role].append(_seconds_per_unit(subject))
-    return Comparison(np.array(seconds["ours"]), None if peer is None else np.array(seconds["peer"]))
+            for which in order if number % 2 == 0 else reversed(order):
+                seconds[which, number] = _seconds_per_unit(subjects[which])
+    return Comparison(seconds[0], None if peer is None else seconds[1])
 
 
 def _seconds_per_unit(subject: Subject) -> float:
@@ -78,12 +79,15 @@ def _seconds_per_unit(subject: Subject) -> float:
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    was_enabled = gc.isenabled()
+def _alone() -> Iterator[None]:
+    """No garbage collection, and OpenCV on one thread."""
+    was_enabled, threads = gc.isenabled(), cv2.getNumThreads()
     gc.collect()
     gc.disable()
+    cv2.setNumThreads(1)
     try:
         yield
     finally:
+        cv2.setNumThreads(threads)
         if was_enabled:
             gc.enable()

@@ -121,7 +121,7 @@ def noise_filters(messages: Sequence[Events], window_s: float) -> list[Subject]:
             background.accept(part)
             background.generateEvents()
 
-    return [Subject("dv-processing BackgroundActivityNoiseFilter", run, len(events), prepare)]
+    return [Subject("dv-processing noise filter", run, len(events), prepare)]
 
 
 def evt3_message_decoders(payloads: Sequence[bytes], size: tuple[int, int], units: int) -> list[Subject]:

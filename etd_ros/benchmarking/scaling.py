@@ -6,7 +6,6 @@ import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from etd_ros.benchmarking import subjects
@@ -87,7 +86,6 @@ def scaling(events: int, rounds: int) -> Iterator[Point]:
         events: events in a stream.
         rounds: runs for each point; their median counts.
     """
-    cv2.setNumThreads(1)
     for panel in PANELS:
         for place, setting in panel.settings.items():
             messages = setting.messages(events)

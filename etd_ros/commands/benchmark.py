@@ -32,7 +32,7 @@ T = TypeVar("T")
 GROUPS = ("event-path",)
 DATA_VARIABLE = "ETD_DATA"
 DATA_DEFAULT = Path("../shared/data")
-TABLE_WIDTH_MIN = 160
+TABLE_WIDTH_MIN = 165
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
