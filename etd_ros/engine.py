@@ -34,7 +34,7 @@ CONVERSIONS = ("atsltd", "fixed_window", "fixed_count")
 
 
 class EngineError(EtdError):
-    """An engine that cannot be built or fed."""
+    """A stage that cannot be built or fed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,33 +186,6 @@ def make_tracker(method: str, width: int, height: int, settings: Settings) -> Mu
     return MultiTracker(width, height, settings.tracking, EdgeBoxes(settings.detection), recovery)
 
 
-class Engine:
-    """One sensor's events to boxes, all in the caller's thread."""
-
-    def __init__(self, width: int, height: int, *, method: str = "etd", settings: Settings | None = None) -> None:
-        settings = settings or Settings()
-        self.width = width
-        self.height = height
-        self.tracker = make_tracker(method, width, height, settings)
-        self._frames = FrameSource(method_named(method).conversion, width, height, settings)
-        self._images = ImageSource(width, height, settings) if method_named(method).recovers else None
-
-    def feed(self, events: Events) -> Iterator[Step]:
-        """Take a batch that follows the last one in time; yield a step for each frame it finishes.
-
-        Raises:
-            ConversionError: the batch is of another sensor size.
-        """
-        for part in self._frames.parts(StreamBatch(events, None)):
-            yield from _step(self.tracker, self._images.take(part) if self._images else part)
-
-    def reset(self) -> None:
-        """Start a new stream; the targets stay."""
-        self._frames.reset()
-        if self._images:
-            self._images.reset()
-
-
 def track(
     streams: Iterable[StreamBatch],
     targets: Iterable[TargetStart],
@@ -274,10 +247,6 @@ def _steps(parts: Iterable[Part], targets: list[TargetStart], method: str, setti
                 tracker = make_tracker(method, *size, settings)
                 for target in targets:
                     tracker.start(target.name, target.box, target.stamp_ns)
-        yield from _step(tracker, part)
-
-
-def _step(tracker: MultiTracker, part: Part) -> Iterator[Step]:
-    if part.frame is not None:
-        reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
-        yield Step(part.frame, part.image, reports)
+        if part.frame is not None:
+            reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
+            yield Step(part.frame, part.image, reports)

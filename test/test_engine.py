@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from etd_ros.boxes import Box, BoxError
 from etd_ros.conversion import ConversionError
-from etd_ros.engine import Engine, EngineError, FrameSource, ImageSource, Part, Step, track
+from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, Step, track
 from etd_ros.events import Events, concatenate
-from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
+from etd_ros.reconstruction import HighPassFilter, ReconstructionError, SynchronisedReconstruction
 from etd_ros.settings import Settings, settings_from_mapping
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.stream import Restart, StreamBatch, StreamGuard
@@ -185,14 +185,16 @@ def test_no_events_give_no_steps():
 
 def test_an_unknown_method_or_conversion_is_refused():
     with pytest.raises(TrackingError, match="etd-nr"):
-        Engine(WIDTH, HEIGHT, method="guess")
+        tracked([], method="guess")
     with pytest.raises(EngineError, match="atsltd, fixed_window, fixed_count"):
         FrameSource("guess", WIDTH, HEIGHT, Settings())
 
 
 def test_events_of_another_sensor_are_refused():
     with pytest.raises(ConversionError, match="96x72|64x48"):
-        list(Engine(64, 48).feed(EVENTS))
+        FrameSource("atsltd", 64, 48, Settings()).frames(EVENTS)
+    with pytest.raises(ReconstructionError, match="96x72|64x48"):
+        ImageSource(64, 48, Settings()).take(Part(StreamBatch(EVENTS, None), None))
 
 
 @pytest.mark.parametrize("conversion", ["atsltd", "fixed_window", "fixed_count"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,9 @@ def run(options: argparse.Namespace) -> int:
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(VideoWriter(options.video, VIDEO_FPS)) if options.video else None
         batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
-        for step in track_streams(batches, targets, method=options.method, settings=settings):
+        # Its threads end before the recording that they read is closed.
+        steps = stack.enter_context(closing(track_streams(batches, targets, method=options.method, settings=settings)))
+        for step in steps:
             tracks.write_reports(step.frame.stamp_ns, step.reports)
             if video is not None:
                 video.write(draw_overlay(step.frame.data, step.reports, image=step.image, stamp_ns=step.frame.stamp_ns))

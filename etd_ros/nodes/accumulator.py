@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sensor_msgs.msg import Image
 
 from etd_ros.conversion import FrameEnd
-from etd_ros.engine import CONVERSIONS, FrameSource
+from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.parameters import parameter
@@ -31,8 +31,7 @@ class Accumulator(EtdNode):
     def __init__(self) -> None:
         super().__init__("accumulator", STAGES, AccumulatorOptions)
         self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
-        self._source: FrameSource | None = None
-        self._size = (0, 0)
+        self._sources = PerSensor(lambda w, h: FrameSource(self.options.conversion, w, h, self.settings))
         self._finished = dict.fromkeys(FrameEnd, 0)
         self._last_nzge = 0.0
         self._input = EventInput(self, self._on_events, lambda: self._frames.get_subscription_count() > 0)
@@ -50,13 +49,7 @@ class Accumulator(EtdNode):
         }
 
     def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
-        events = batch.events
-        if self._source is None or (events.width, events.height) != self._size:
-            self._size = (events.width, events.height)
-            self._source = FrameSource(self.options.conversion, *self._size, self.settings)
-        elif batch.restart is not None:
-            self._source.reset()
-        for frame in self._source.frames(events):
+        for frame in self._sources.at(batch).frames(batch.events):
             self._finished[frame.end] += 1
             self._last_nzge = frame.nzge
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=message.frame_id))
