@@ -43,3 +43,12 @@ def test_a_node_loads_no_library_that_it_does_not_use(repository, node):
     loaded = set(done.stdout.split())
     assert {"numba", "rclpy"} <= loaded
     assert not loaded & {"rosbags", "aedat", "matplotlib", "skimage", "rich"}
+
+
+def test_a_first_start_says_that_it_compiles_and_runs_then(bench, tmp_path, monkeypatch):
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    bench.start("reconstruction")
+    bench.wait_until(lambda: "reconstruction" in bench.diagnostics, "the reconstruction runs")
+    assert bench.log("reconstruction").count("compiling for this machine") == 1
+    assert list(cache.rglob("*.nbi"))
