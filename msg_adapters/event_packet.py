@@ -7,8 +7,7 @@ bool is_bigendian; uint8[] events
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy.typing as npt
 
@@ -41,8 +40,7 @@ ENCODINGS = frozenset(_CODECS)
 _TIME_BASE_MAX_NS = 1 << 62
 
 
-@dataclass(frozen=True, slots=True)
-class _Packet:
+class _Packet(NamedTuple):
     header: Header
     height: int
     width: int

@@ -23,8 +23,10 @@ from msg_adapters.codecs.words import (
     EventPool,
     Payload,
     as_words,
+    bits_set,
     events_on_sensor,
     first_triggers,
+    set_bits,
     trigger_columns,
 )
 
@@ -32,9 +34,14 @@ TYPE_SHIFT, TYPE_MASK, OFF, ON, TIME_HIGH, TRIGGER = 60, 0xF, 0x0, 0x1, 0x8, 0xA
 TIME_HIGH_SHIFT, TIME_HIGH_MASK, TIME_HIGH_BITS = 32, 0xFFF_FFFF, 28
 TIME_LOW_SHIFT, TIME_LOW_MASK, TIME_LOW_BITS = 54, 0x3F, 6
 X_SHIFT, Y_SHIFT, COORDINATE_MASK = 43, 32, 0x7FF
-VALID_BITS, VALID_MASK = 32, 0xFFFF_FFFF
+VALID_BITS = 32
+GROUP_BITS, GROUP_MASK = 8, 0xFF
+"""A group of the mask's bits writes as many events as it may have, and counts those it has."""
 TRIGGER_EDGE_SHIFT, TRIGGER_ID_SHIFT, TRIGGER_ID_MASK = 32, 40, 0x1F
 WRAP_FALL_MIN = 1 << (TIME_HIGH_BITS - 1)
+
+_BITS_SET = bits_set(GROUP_BITS)
+_SET_BITS = set_bits(GROUP_BITS)
 
 # The state that lasts across payloads: time high with its wraps added (-1 while unknown).
 _HIGH, _STATE_SIZE = 0, 1
@@ -60,7 +67,7 @@ class Evt21Decoder:
         if self._halves_swapped:
             words = as_words(words.view("<u4").reshape(-1, 2)[:, ::-1].tobytes(), WORD_64)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_capacity)
+        columns, triggers = self._events.take(event_capacity + GROUP_BITS), trigger_columns(trigger_capacity)
         count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
         events = events_on_sensor(columns, count, width, height)
         return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
@@ -72,20 +79,20 @@ class Evt21Decoder:
 
 @njit(cache=True, nogil=True)
 def _count(words):  # type: ignore[no-untyped-def]
-    events, triggers = 0, 0
+    events, triggers = np.uint64(0), 0
     for record in words:
         word = record.word
         kind = (word >> TYPE_SHIFT) & TYPE_MASK
         if kind in (OFF, ON):
-            for bit in range(VALID_BITS):
-                events += (word >> bit) & 1
+            for shift in range(0, VALID_BITS, GROUP_BITS):
+                events += _BITS_SET[(word >> shift) & GROUP_MASK]
         triggers += kind == TRIGGER
-    return events, triggers
+    return np.int64(events), triggers
 
 
 @njit(cache=True, nogil=True)
 def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
-    count, trigger_count, skipped = 0, 0, 0
+    count, trigger_count, skipped = np.uint64(0), 0, 0
     high = state[_HIGH]
     for record in words:
         word = record.word
@@ -96,16 +103,15 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
             if high >= 0:
                 column = (word >> X_SHIFT) & COORDINATE_MASK
                 row = (word >> Y_SHIFT) & COORDINATE_MASK
-                mask = word & VALID_MASK
-                while mask:
-                    if mask & 1:
-                        t[count] = time_ns
-                        x[count] = column
-                        y[count] = row
-                        p[count] = kind
-                        count += 1
-                    mask >>= 1
-                    column += 1
+                for shift in range(0, VALID_BITS, GROUP_BITS):
+                    group = (word >> shift) & GROUP_MASK
+                    if group:
+                        for k in range(GROUP_BITS):
+                            t[count + np.uint64(k)] = time_ns
+                            x[count + np.uint64(k)] = column + shift + _SET_BITS[group, k]
+                            y[count + np.uint64(k)] = row
+                            p[count + np.uint64(k)] = kind
+                        count += _BITS_SET[group]
         elif kind == TIME_HIGH:
             value = (word >> TIME_HIGH_SHIFT) & TIME_HIGH_MASK
             loop = max(high, 0) >> TIME_HIGH_BITS
@@ -121,4 +127,4 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
         else:
             skipped += 1
     state[_HIGH] = high
-    return count, trigger_count, skipped
+    return np.int64(count), trigger_count, skipped

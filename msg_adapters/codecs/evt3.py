@@ -60,7 +60,8 @@ TIME_BITS = 24
 STEP_BACK_MAX = 10
 """A time high that falls by more than this many units of 4096 us has wrapped."""
 
-# A table over the 16 codes. The compiler cannot see through it; if it could, it would make branches of it.
+# A table over the 16 codes: which bits must be those of the last time high for the word to be a frequent one. The
+# compiler cannot see through it; if it could, it would make branches of it.
 _FREQUENT = (Y, SINGLE_X, TIME_LOW, CONTINUED_4, OTHERS, CONTINUED_12)
 _RARE = np.array([0 if code in _FREQUENT else 0xFFFF for code in range(16)], np.int64)
 

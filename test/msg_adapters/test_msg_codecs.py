@@ -231,6 +231,17 @@ def test_evt21_masks_give_an_event_for_each_bit_on_the_sensor():
     assert decoded.off_sensor == 2
 
 
+@EXAMPLES
+@given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 500), st.integers(0, 1), st.integers(0, 2**32 - 1))))
+def test_evt21_reads_any_masks_bit_by_bit(vectors):
+    said = [0x8 << 60, *(p << 60 | x << 43 | y << 32 | mask for x, y, p, mask in vectors)]
+    every = [(0, x + i, y, p) for x, y, p, mask in vectors for i in range(32) if mask >> i & 1]
+    decoded = Evt21Decoder().decode(words("Q", said), 640, 480)
+    expected = [row for row in every if row[1] < 640 and row[2] < 480]
+    assert rows_of(decoded.events) == expected
+    assert decoded.off_sensor == len(every) - len(expected)
+
+
 @ANY_CODEC
 @EXAMPLES
 @given(data=st.binary(max_size=600))
