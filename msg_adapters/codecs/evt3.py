@@ -35,10 +35,10 @@ from msg_adapters.codecs.words import (
     DecodedWords,
     EventPool,
     Payload,
+    Triggers,
     as_words,
     bits_set,
     events_on_sensor,
-    first_triggers,
     set_bits,
     trigger_columns,
 )
@@ -89,20 +89,20 @@ class Evt3Decoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_16)
-        skipped_early = 0
-        if self._state[_SYNC] != _TIME_KNOWN:
-            known_from = int(_find_time(words, self._state))
-            skipped_early = self._decode(words[:known_from], width, height).skipped_words
-            words = words[known_from:]
-        decoded = self._decode(words, width, height)
-        return decoded._replace(skipped_words=decoded.skipped_words + skipped_early)
+        if self._state[_SYNC] == _TIME_KNOWN:
+            return self._decode(words, width, height)
+        known_from = int(_find_time(words, self._state))
+        early = self._decode(words[:known_from], width, height)
+        decoded = self._decode(words[known_from:], width, height)
+        return decoded._replace(skipped_words=early.skipped_words + decoded.skipped_words)
 
     def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
-        event_capacity, trigger_capacity = _capacities(words)
-        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
+        event_capacity, trigger_count = _capacities(words)
+        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_count)
+        count, skipped = _decode(words, self._state, *columns, *triggers)
         events = events_on_sensor(columns, count, width, height)
-        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
+        edges = Triggers(*triggers) if trigger_count else Triggers.empty()
+        return DecodedWords(events, edges, skipped, count - len(events))
 
     def reset(self) -> None:
         """Forget time, row and base column."""
@@ -124,7 +124,7 @@ def _find_time(words, state):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _capacities(words):  # type: ignore[no-untyped-def]
-    """Events and triggers that the arrays must have room for: those that `_decode` may write."""
+    """Events that the arrays must have room for, since `_decode` may write them, and triggers, which it all writes."""
     events, triggers = 1, 0
     for i in range(len(words)):
         code = words[i].word >> CODE_SHIFT
@@ -190,4 +190,4 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
             skipped += 1
     state[_LOOP], state[_HIGH], state[_LOW_NS] = loop, high, time_ns - high_ns
     state[_ROW], state[_BASE_COLUMN], state[_POLARITY] = row, base_column, base_polarity
-    return np.int64(count), trigger_count, skipped
+    return np.int64(count), skipped
