@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from etd_ros.boxes import Box, BoxError
 from etd_ros.conversion import ConversionError
 from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, Step, track
+from etd_ros.evaluation import TracksWriter
 from etd_ros.events import Events, concatenate
 from etd_ros.reconstruction import HighPassFilter, ReconstructionError, SynchronisedReconstruction
+from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings, settings_from_mapping
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.stream import Restart, StreamBatch, StreamGuard
-from etd_ros.targets import TargetError, TargetStart
+from etd_ros.targets import TargetError, TargetStart, targets_from_file
 from etd_ros.tracking import METHODS, TargetState, TrackingError
 
 WIDTH, HEIGHT = 96, 72
@@ -219,6 +221,17 @@ def test_threads_change_nothing(method):
     with_threads, without = (list(track(streams, targets, method=method, threads=threads)) for threads in (True, False))
     assert len(without) > 20
     assert rows(with_threads) == rows(without)
+
+
+def test_the_tracks_of_the_bundled_recording_are_the_same_bytes_with_and_without_threads(repository, tmp_path):
+    bag = repository / "bags" / "demo"
+    targets = targets_from_file(bag / "boxes.csv")
+    for threads in (True, False):
+        with open_recording(bag) as recording, TracksWriter(tmp_path / f"{threads}.csv") as tracks:
+            for step in track(recording.streams(), targets, threads=threads):
+                tracks.write_reports(step.frame.stamp_ns, step.reports)
+    assert (tmp_path / "True.csv").read_bytes() == (tmp_path / "False.csv").read_bytes()
+    assert (tmp_path / "True.csv").read_text().count("\n") > 1000
 
 
 def test_stopping_early_leaves_no_thread_behind():

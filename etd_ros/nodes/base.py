@@ -144,7 +144,7 @@ class EtdNode(Node):
 
     def _warm_up(self, stages: tuple[str, ...]) -> None:
         """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""
-        text = "compiling for this machine, up to a minute; the next start finds it done where the cache can be kept"
+        text = "compiling for this machine, which takes a few seconds to a minute; the next start finds it done"
         notice = threading.Timer(SLOW_START_S, self.get_logger().info, (text,))
         notice.start()
         try:
