@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from etd_ros.conversion.batches import check_batch
-from etd_ros.conversion.cells import CellMap, add_events, make_cell_map, map_nzge, read_out
+from etd_ros.conversion.cell_map import CellMap, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, first_after, read_out
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -25,6 +26,10 @@ class FrameAccumulator:
 
     halves rounded up, and a pixel without events 0. At least 1 keeps the events at the frame's very start (the paper's
     rule would make them vanish), and 0 means no event. In a frame of no duration every event has 255.
+
+    Attributes:
+        start_ns: T_{i-1} of the unfinished frame (ns).
+        cells, state, data: its events, where it stands, and room for it (uint8, flat); for the kernels.
     """
 
     def __init__(self, width: int, height: int, cell_size: int = CELL_SIZE, log_base: float = LOG_BASE) -> None:
@@ -38,19 +43,15 @@ class FrameAccumulator:
         self.width = width
         self.height = height
         self.cells: CellMap = make_cell_map(width, height, cell_size, log_base)
-        self.per_log_base = 1 / math.log(log_base)
-        self._cell_size = cell_size
+        self.state = np.array([EMPTY_STATE], STATE_DTYPE)
+        self.data = self._empty_data()
+        self.start_ns = 0
         self._previous_ns: int | None = None
-
-    @property
-    def start_ns(self) -> int:
-        """T_{i-1} of the unfinished frame (ns)."""
-        return int(self.cells.state["start_ns"][0])
 
     @property
     def events(self) -> int:
         """Number of events in the unfinished frame."""
-        return int(self.cells.state["events"][0])
+        return int(self.state["events"][0])
 
     def accept(self, events: Events) -> None:
         """Verify the next batch of the stream; the stream's first event starts its first frame.
@@ -62,26 +63,30 @@ class FrameAccumulator:
         if not len(events):
             return
         if self._previous_ns is None:
-            self.begin(int(events.t[0]))
+            self.start_ns = int(events.t[0])
         self._previous_ns = int(events.t[-1])
-
-    def begin(self, start_ns: int) -> None:
-        """Let the unfinished frame, which must be empty, start at this time."""
-        self.cells.state["start_ns"][0] = start_ns
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
-        return int(add_events(self.cells, events.t, events.x, events.y, events.p, first, stop, limit_ns))
+        stop = int(first_after(events.t[:stop], first, limit_ns))
+        part = events[first:stop]
+        add_events(self.cells, self.state, part.t, part.x, part.y, part.p, self.start_ns)
+        return stop
 
-    def finish(self, stamp_ns: int, end: FrameEnd, known_nzge: float | None = None) -> Frame:
-        """Read the frame out and start the next one at stamp_ns; its NZGE is computed unless it is known."""
-        start_ns, events = self.start_ns, self.events
-        duration_ns = stamp_ns - start_ns
-        entropy = float(map_nzge(self.cells, duration_ns, self.per_log_base)) if known_nzge is None else known_nzge
-        data = np.zeros((self.height, self.width, 2), np.uint8)
-        read_out(self.cells, duration_ns, self._cell_size, data)
-        self.begin(stamp_ns)
-        return Frame(stamp_ns, start_ns, data, events, entropy, end)
+    def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
+        """Read the frame out and start the next one at stamp_ns."""
+        entropy = float(read_out(self.cells, self.state, stamp_ns - self.start_ns, self.data))
+        return self.hand_out(stamp_ns, end, entropy)
+
+    def hand_out(self, stamp_ns: int, end: FrameEnd, entropy: float) -> Frame:
+        """The frame, which `data` holds already, with its NZGE; the next one starts at stamp_ns."""
+        data = self.data.reshape(self.height, self.width, 2)
+        frame = Frame(stamp_ns, self.start_ns, data, self.events, entropy, end)
+        self.cells.words.fill(0)
+        self.state[0] = EMPTY_STATE
+        self.data = self._empty_data()
+        self.start_ns = stamp_ns
+        return frame
 
     def skip_to(self, event_ns: int, max_duration_ns: int) -> Frame | None:
         """End the frame at its longest duration because an event at event_ns, later than that, has come.
@@ -93,14 +98,17 @@ class FrameAccumulator:
         """
         limit_ns = self.start_ns + max_duration_ns
         frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT) if self.events else None
-        self.begin(event_ns if event_ns > limit_ns + max_duration_ns else limit_ns)
+        self.start_ns = event_ns if event_ns > limit_ns + max_duration_ns else limit_ns
         return frame
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
         if self.events:
-            self.finish(self.start_ns, FrameEnd.TIME_LIMIT)
+            self.hand_out(self.start_ns, FrameEnd.TIME_LIMIT, 0.0)
         self._previous_ns = None
+
+    def _empty_data(self) -> npt.NDArray[np.uint8]:
+        return np.zeros(self.height * self.width * 2, np.uint8)
 
 
 class AccumulatingConverter(ABC):

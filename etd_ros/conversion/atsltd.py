@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
-from etd_ros.conversion.cells import CHECKS_DTYPE, DURATION_MAX_NS, advance
+from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.kernels import advance
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE, interval_from_statistics
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError, Parameters, parameter
@@ -51,14 +50,13 @@ class AtsltdConverter(AccumulatingConverter):
     then) and t_k > T_{i-1}. Checks lie on the multiples of check_stride, counted from the frame's first event, so that
     batches do not matter, and are left out where they cannot or will hardly succeed:
 
-    - Before a frame's first check, where an upper bound of NZGE is below alpha: no cell has more entropy than with
-      distinct grey levels (paper equation 4), which a table gives from the number of its event pixels.
-    - After a check that found less than alpha, where the bound, scaled by the ratio of exact value to bound found
-      there, is below alpha. That is a prediction; where the ratio falls, the frame ends some strides later.
-    - From the ninth check of one frame on the distance doubles: a frame whose NZGE stays just below alpha (one flash
-      of the whole sensor) costs no more than a few readouts.
-
-    So the first check is at most check_stride events late; slider_depth's frames need one failed check or none.
+    - where a bound of NZGE is below alpha: no cell has more entropy than with distinct grey levels (paper equation 4),
+      which its number of event pixels tells, and that is counted as the events come;
+    - where the bound, scaled by the ratio of exact value to bound that was last seen in this frame, is below alpha: a
+      prediction, at first from a sample of the cells, then from the checks that have failed. Where the ratio rises, the
+      frame ends some strides later (docs/conversion.md: how many, measured);
+    - from the ninth check of one frame on the distance doubles: a frame whose NZGE stays just below alpha (one flash of
+      the whole sensor) costs no more than a few readouts.
 
     If an event comes later than max_duration_s after the frame's start, the frame ends there without it
     (`FrameEnd.TIME_LIMIT`).
@@ -75,13 +73,6 @@ class AtsltdConverter(AccumulatingConverter):
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
-        self._checks = np.zeros(1, CHECKS_DTYPE)
-        self._restart_checks()
-
-    def reset(self) -> None:
-        """Forget the unfinished frame: the next batch starts a new stream."""
-        super().reset()
-        self._restart_checks()
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
@@ -91,26 +82,21 @@ class AtsltdConverter(AccumulatingConverter):
         while i < len(events):
             i, reached_nzge = advance(
                 accumulator.cells,
-                self._checks,
+                accumulator.state,
                 *(events.t, events.x, events.y, events.p),
                 i,
+                accumulator.start_ns,
                 accumulator.start_ns + self._max_duration_ns,
                 alpha,
-                accumulator.per_log_base,
                 self.config.check_stride,
+                accumulator.data,
             )
             if reached_nzge > 0:
-                frame = accumulator.finish(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge)
+                frame = accumulator.hand_out(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge)
                 self.overshoots += frame.nzge > beta
             elif i < len(events):
                 frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)
             else:
                 return
-            self._restart_checks()
             if frame is not None:
                 yield frame
-
-    def _restart_checks(self) -> None:
-        self._checks["next"][0] = self.config.check_stride
-        self._checks["exact_per_bound"][0] = 1.0
-        self._checks["failed"][0] = 0

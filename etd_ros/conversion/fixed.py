@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
-from etd_ros.conversion.cells import DURATION_MAX_NS
+from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.events import Events
 from etd_ros.parameters import Parameters, parameter
@@ -57,7 +57,7 @@ class FixedWindowConverter(AccumulatingConverter):
     def _begin_window_of(self, event_ns: int) -> None:
         start_ns = self._accumulator.start_ns
         windows_before = (event_ns - start_ns - 1) // self._window_ns
-        self._accumulator.begin(start_ns + windows_before * self._window_ns)
+        self._accumulator.start_ns = start_ns + windows_before * self._window_ns
 
 
 @dataclass(frozen=True)

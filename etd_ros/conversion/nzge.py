@@ -26,8 +26,8 @@ def nzge(frame_data: npt.NDArray[np.uint8], cell_size: int = CELL_SIZE, log_base
     """Non-Zero Grid Entropy of a frame (paper section 3.2, equations 3 and 4).
 
     A cell's entropy is the mean over the two channels of -sum(p_z log p_z), p_z the share of grey level z; the result
-    is the mean over the cells whose entropy is not zero, 0.0 if there is none. A cell at the right or bottom border of
-    a sensor that cell_size does not divide counts like any other, with the pixels that it has.
+    is the mean over the cells whose entropy is not zero, 0.0 if there is none. At the right and bottom border of a
+    sensor that cell_size does not divide, cells are filled up with pixels that never have an event.
 
     Args:
         frame_data: uint8, shape (height, width, 2).
@@ -97,6 +97,7 @@ def interval_from_statistics(mean: float, std: float, n: int, significance: floa
 @njit(cache=True, nogil=True)
 def _frame_nzge(data: npt.NDArray[np.uint8], cell_size: int, c_log_c: FloatArray, per_log_base: float) -> float:
     height, width, channels = data.shape
+    pixels = cell_size * cell_size
     level_counts = np.zeros(GREY_LEVELS, np.int64)
     total = 0.0
     cells = 0
@@ -104,18 +105,20 @@ def _frame_nzge(data: npt.NDArray[np.uint8], cell_size: int, c_log_c: FloatArray
         bottom = min(top + cell_size, height)
         for left in range(0, width, cell_size):
             right = min(left + cell_size, width)
-            pixels = (bottom - top) * (right - left)
             entropy = 0.0
             levels_max = 0
             for channel in range(channels):
-                sum_c_log_c = 0.0
-                levels = 0
+                beyond_border = pixels - (bottom - top) * (right - left)
+                level_counts[0] = beyond_border
+                sum_c_log_c = c_log_c[beyond_border]
+                levels = int(beyond_border > 0)
                 for y in range(top, bottom):
                     for x in range(left, right):
                         count = level_counts[data[y, x, channel]]
                         level_counts[data[y, x, channel]] = count + 1
                         sum_c_log_c += c_log_c[count + 1] - c_log_c[count]
                         levels += count == 0
+                level_counts[0] = 0
                 for y in range(top, bottom):
                     for x in range(left, right):
                         level_counts[data[y, x, channel]] = 0

@@ -54,7 +54,14 @@ def closed_form(events, start_ns, stamp_ns):
     return data
 
 
+def filled_up(data, cell_size):
+    """Pixels without events beyond the right and bottom border, so that all cells are whole."""
+    height, width, _ = data.shape
+    return np.pad(data, ((0, -height % cell_size), (0, -width % cell_size), (0, 0)))
+
+
 def histogram_nzge(data, cell_size=4, log_base=256.0):
+    data = filled_up(data, cell_size)
     entropies = []
     for top in range(0, data.shape[0], cell_size):
         for left in range(0, data.shape[1], cell_size):
@@ -69,34 +76,46 @@ def histogram_nzge(data, cell_size=4, log_base=256.0):
     return sum(not_zero) / len(not_zero) if not_zero else 0.0
 
 
-def distinct_levels_bound(data, cell_size=4, log_base=256.0):
-    """Bound of NZGE: cells as if all grey levels were distinct, over the cells without a full channel in excess."""
-    total, touched, full = 0.0, 0, 0
+def channel_levels(data, cell_size=4):
+    """The levels of each cell's two channels, cells row by row."""
+    data = filled_up(data, cell_size)
     for top in range(0, data.shape[0], cell_size):
         for left in range(0, data.shape[1], cell_size):
             cell = data[top : top + cell_size, left : left + cell_size]
-            pixels = cell.shape[0] * cell.shape[1]
-            touched += bool(cell.any())
-            for channel in (0, 1):
-                events = int(np.count_nonzero(cell[:, :, channel]))
-                full += events == pixels
-                zeros = pixels - events
-                total += (events * math.log(pixels) + (zeros * math.log(pixels / zeros) if zeros else 0)) / pixels
-    return total / math.log(log_base) / 2 / (touched - full) if touched > full else 1.0
+            yield cell[:, :, 0].ravel(), cell[:, :, 1].ravel()
+
+
+def entropy(counts):
+    shares = np.asarray([count for count in counts if count]) / sum(counts)
+    return float(-(shares * np.log(shares)).sum() / np.log(256))
+
+
+def distinct_levels_sums(data, sample_step=8):
+    """Cells with events; their channels' entropies as if levels were distinct; what a sample of cells lacks of that."""
+    touched, total, lost = 0, 0.0, 0.0
+    for index, channels in enumerate(channel_levels(data)):
+        touched += any(levels.any() for levels in channels)
+        for levels in channels:
+            events = int(np.count_nonzero(levels))
+            distinct = entropy([1] * events + [len(levels) - events])
+            total += distinct
+            if index % sample_step == 0:
+                lost += distinct - entropy(np.bincount(levels))
+    return touched, total, lost
 
 
 def literal_atsltd(events, *, alpha, max_duration_ns, stride):
     """Frames as (start, stamp, events, end) by AtsltdConverter's definition, event by event."""
     frames = []
     start, first = int(events.t[0]), 0
-    ratio, failed, next_check = 1.0, 0, stride
+    ratio, sampled, failed, next_check = 1.0, False, 0, stride
     for i, t in enumerate(events.t.tolist()):
         limit = start + max_duration_ns
         if t > limit:
             if i > first:
                 frames.append((start, limit, i - first, "time_limit"))
             start = t if t > limit + max_duration_ns else limit
-            first, ratio, failed, next_check = i, 1.0, 0, stride
+            first, ratio, sampled, failed, next_check = i, 1.0, False, 0, stride
             # The event may still come after the limit of the frame that it begins.
             assert t <= start + max_duration_ns
         if i + 1 - first != next_check:
@@ -105,13 +124,16 @@ def literal_atsltd(events, *, alpha, max_duration_ns, stride):
         if t == start:
             continue
         data = closed_form(events[first : i + 1], start, t)
-        bound = distinct_levels_bound(data)
+        touched, total, lost = distinct_levels_sums(data)
+        bound = total / 2 / touched
+        if not sampled and bound >= alpha * (1 - 1e-9) and touched >= 256:
+            ratio, sampled = 1 - 0.9 * 8 * lost / total, True
         if bound * ratio < alpha * (1 - 1e-9):
             continue
         exact = histogram_nzge(data)
         if exact >= alpha:
             frames.append((start, t, i + 1 - first, "nzge"))
-            start, first, ratio, failed, next_check = t, i + 1, 1.0, 0, stride
+            start, first, ratio, sampled, failed, next_check = t, i + 1, 1.0, False, 0, stride
             continue
         ratio, failed = exact / bound, failed + 1
         if failed > 8:

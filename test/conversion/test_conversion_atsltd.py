@@ -14,7 +14,7 @@ from conversion_oracles import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etd_ros.conversion import AtsltdConfig, AtsltdConverter, ConversionError, FrameEnd
+from etd_ros.conversion import AtsltdConfig, AtsltdConverter, ConversionError, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
 from etd_ros.parameters import ParameterError
 
@@ -95,6 +95,46 @@ def test_frames_follow_the_definition_event_by_event_on_any_sensor_size(width, h
         content = events[first : first + frame.events]
         np.testing.assert_array_equal(frame.data, closed_form(content, frame.start_ns, frame.stamp_ns))
         first += frame.events
+
+
+@pytest.mark.parametrize("cell_size", [2, 3, 5, 8, 13, 16])
+def test_cells_of_any_size_give_the_frames_and_nzge_of_the_definition(cell_size):
+    events = random_events(8, 6000, 45, 37, 20 * MS)
+    frames = frames_of(AtsltdConverter(45, 37, AtsltdConfig(cell_size=cell_size, check_stride=10)), [events])
+    assert len(frames) > 2
+    first = 0
+    for frame in frames:
+        content = events[first : first + frame.events]
+        np.testing.assert_array_equal(frame.data, closed_form(content, frame.start_ns, frame.stamp_ns))
+        assert frame.nzge == pytest.approx(histogram_nzge(frame.data, cell_size), abs=1e-12)
+        assert frame.nzge == pytest.approx(nzge(frame.data, cell_size), abs=1e-12)
+        assert frame.nzge >= 0.0832
+        first += frame.events
+        before = events[first - frame.events : first - 40]
+        if len(before):
+            assert histogram_nzge(closed_form(before, frame.start_ns, int(before.t[-1])), cell_size) < 0.0832
+
+
+def test_cells_full_of_one_level_do_not_count():
+    y, x = np.divmod(np.arange(16), 4)
+    for polarities in ([1], [0], [0, 1]):
+        t = [0] * 16 * len(polarities) + [1000]
+        events = make_events(
+            t,
+            [*np.tile(x, len(polarities)), 6],
+            [*np.tile(y, len(polarities)), 6],
+            [*np.repeat(polarities, 16), 1],
+            8,
+            8,
+        )
+        frame = frame_at_end(events)
+        assert frame.nzge == pytest.approx(histogram_nzge(frame.data), abs=1e-12)
+        assert frame.nzge == pytest.approx(nzge(frame.data), abs=1e-12)
+
+
+def test_exact_halves_are_rounded_up():
+    frame = frame_at_end(make_events([0, 1001, 2002], [0, 1, 2], [0, 0, 0], [1, 1, 1], 4, 4))
+    assert frame.data[0, :3, 0].tolist() == [1, 128, 255]
 
 
 def test_frames_of_slider_depth_follow_the_definition():

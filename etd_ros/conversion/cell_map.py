@@ -1,0 +1,120 @@
+"""The unfinished frame: each pixel's last event and a bit per pixel that has one, stored cell by cell.
+
+A cell of the entropy's grid (r x r pixels) consists of tiles of at most 4 x 4 pixels; a tile has 32 slots in a row, 16
+of its On channel and 16 of Off, pixel (row, column) of the tile at 4 row + column:
+
+    last:   | tile 0: 16 On, 16 Off | tile 1 ... |     int32, ns since the frame's start
+    words:  | tile 0: 32 bits       | tile 1 ... |     uint32, a bit per slot, lowest first
+
+so that for the paper's r = 4 one word is a whole cell, and what has an event in it is counted and found by bits. Only
+slots whose bit is set are valid: a new frame clears the words and leaves the times alone. No bit is ever set for a slot
+of no pixel, in tiles that are smaller or beyond the border of a sensor that r does not divide.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.boxes import Box
+from etd_ros.conversion.nzge import GREY_LEVELS, FloatArray, check_grid, count_log_counts
+
+TILE_SIDE = 4
+TILE_SLOTS = 2 * TILE_SIDE * TILE_SIDE
+
+DURATION_MAX_NS = 2_000_000_000
+"""Longest frame: times since its start are kept in 32 bits."""
+
+ENTROPY_ONE = 1 << 40
+"""Unit of running sums of entropies: integers, so that sums do not depend on how they were added up."""
+
+
+class CellMap(NamedTuple):
+    """Arrays of the unfinished frame; h, w the sensor's size, m = r^2, C the number of cells, T that of tiles.
+
+    Attributes:
+        row_slot, column_slot: uint32, (h,) and (w,): a pixel's On slot is row_slot[y] + column_slot[x], its Off slot 16
+            further on.
+        last: int32, (32 T,): time of the last event since the frame's start (ns), where the slot's bit is set.
+        words: uint32, (T,): the bits.
+        tile_byte, slot_byte: uint32, (T,) and (32,): a slot's byte in the frame's data is the sum of the two.
+        tile_shift: T = C 2^tile_shift.
+        is_counted: bool, (C,), counted: uint32: the cells in which the entropy is measured.
+        entropy: int64, (m + 1,): entropy of a channel of which c pixels have events of distinct levels (ENTROPY_ONE).
+        loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
+        seen: uint32, (512,), touched_tiles, touched_words: uint32, (T + 2,): scratch of the readout.
+    """
+
+    row_slot: npt.NDArray[np.uint32]
+    column_slot: npt.NDArray[np.uint32]
+    last: npt.NDArray[np.int32]
+    words: npt.NDArray[np.uint32]
+    tile_byte: npt.NDArray[np.uint32]
+    slot_byte: npt.NDArray[np.uint32]
+    tile_shift: int
+    is_counted: npt.NDArray[np.bool_]
+    counted: npt.NDArray[np.uint32]
+    entropy: npt.NDArray[np.int64]
+    loss: FloatArray
+    seen: npt.NDArray[np.uint32]
+    touched_tiles: npt.NDArray[np.uint32]
+    touched_words: npt.NDArray[np.uint32]
+
+
+def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> CellMap:
+    """An empty map whose cells all count; the sensor's size must have been checked.
+
+    Raises:
+        ConversionError: cell_size or log_base out of range.
+    """
+    check_grid(cell_size, log_base)
+    side = 1 << (-(-cell_size // TILE_SIDE) - 1).bit_length()
+    rows, columns = -(-height // cell_size), -(-width // cell_size)
+    y, x = np.arange(height), np.arange(width)
+    tile_row = y // cell_size * columns * side * side + y % cell_size // TILE_SIDE * side
+    tile_column = x // cell_size * side * side + x % cell_size // TILE_SIDE
+    cell, tile = np.divmod(np.arange(rows * columns * side * side), side * side)
+    top = cell // columns * cell_size + tile // side * TILE_SIDE
+    left = cell % columns * cell_size + tile % side * TILE_SIDE
+    channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
+    entropy, loss = _entropy_tables(cell_size, log_base)
+    return CellMap(
+        row_slot=(tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE).astype(np.uint32),
+        column_slot=(tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE).astype(np.uint32),
+        last=np.empty(len(tile) * TILE_SLOTS, np.int32),
+        words=np.zeros(len(tile), np.uint32),
+        tile_byte=((top * width + left) * 2).astype(np.uint32),
+        slot_byte=((row * width + column) * 2 + channel).astype(np.uint32),
+        tile_shift=2 * (side.bit_length() - 1),
+        is_counted=np.ones(rows * columns, np.bool_),
+        counted=np.arange(rows * columns, dtype=np.uint32),
+        entropy=entropy,
+        loss=loss,
+        seen=np.zeros(2 * GREY_LEVELS, np.uint32),
+        touched_tiles=np.zeros(len(tile) + 2, np.uint32),
+        touched_words=np.zeros(len(tile) + 2, np.uint32),
+    )
+
+
+def _entropy_tables(cell_size: int, log_base: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
+    """`CellMap.entropy` and `loss`: a level that c of m pixels share takes (c ln c) / m from the entropy ln m."""
+    c_log_c = count_log_counts(cell_size) / (cell_size * cell_size) / math.log(log_base)
+    # The pixels without events share level 0.
+    entropy = c_log_c[-1] - c_log_c[::-1]
+    return np.rint(entropy * ENTROPY_ONE).astype(np.int64), np.append(np.diff(c_log_c), 0.0)
+
+
+def count_in(cells: CellMap, boxes: Iterable[Box] | None, cell_size: int) -> CellMap:
+    """The map with the entropy measured in the cells that have a pixel in one of the boxes; None is everywhere."""
+    height, width = len(cells.row_slot), len(cells.column_slot)
+    rows, columns = -(-height // cell_size), -(-width // cell_size)
+    inside = np.full((rows, columns), boxes is None)
+    for box in boxes or ():
+        left, right = (int(np.clip(edge, 0, width)) for edge in (math.floor(box.x), math.ceil(box.x + box.w)))
+        top, bottom = (int(np.clip(edge, 0, height)) for edge in (math.floor(box.y), math.ceil(box.y + box.h)))
+        inside[top // cell_size : -(-bottom // cell_size), left // cell_size : -(-right // cell_size)] = True
+    return cells._replace(is_counted=inside.ravel(), counted=np.flatnonzero(inside).astype(np.uint32))
