@@ -22,7 +22,7 @@ MEV = 1_000_000
 SEED = 1
 FIGURE_INCHES = (10.0, 7.0)
 DPI = 110
-SPEED_TICKS = (5, 10, 20, 50, 100, 200, 500, 1000)
+SPEED_TICKS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class Panel:
 PANELS = (
     Panel("event rate (Mev/s)", {rate: Setting(rate=rate * MEV) for rate in (1, 3, 10, 30, 100)}),
     Panel(
-        "sensor size (pixels, spaced by their number)",
+        "sensor size (pixels)",
         {
             width * height: Setting(size=(width, height))
-            for width, height in ((160, 120), (320, 240), (640, 480), (1280, 720), (1920, 1080))
+            for width, height in ((160, 120), (320, 240), (640, 480), (1280, 720), (2560, 1440))
         },
     ),
     Panel(
@@ -114,10 +114,11 @@ def scaling_png(points: Sequence[Point]) -> bytes:
         axes.set_xticks(list(panel.settings), [panel.label(place) for place in panel.settings])
         axes.set_yticks(SPEED_TICKS, [str(speed) for speed in SPEED_TICKS])
         axes.minorticks_off()
+        axes.set_ylim(1, 2 * SPEED_TICKS[-1])
         axes.grid(visible=True, alpha=0.3)
     for axes in grid[:, 0]:
         axes.set_ylabel("speed, one thread (Mev/s)")
-    grid[0, 0].legend(fontsize="small")
+    grid[0, 0].legend(fontsize="small", loc="lower left")
     default = Setting()
     figure.suptitle(
         f"A moving texture; where not varied {default.rate / MEV:g} Mev/s, {default.size[0]}x{default.size[1]} pixels, "
