@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
@@ -11,13 +11,16 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from etd_ros.boxes import Box
 from etd_ros.conversion import (
+    ENTROPY_SENSOR,
     AtsltdConverter,
     BackgroundActivityFilter,
     Converter,
     FixedCountConverter,
     FixedWindowConverter,
     Frame,
+    Regions,
 )
 from etd_ros.detection import EdgeBoxes
 from etd_ros.errors import EtdError
@@ -67,16 +70,40 @@ class Step:
     reports: tuple[TargetReport, ...]
 
 
-class FrameSource:
-    """Noise filter and converter: the stage that turns events into frames."""
+class SearchRegions:
+    """Where the targets are looked for next: what the tracker tells the converter, if NZGE is measured there.
 
-    def __init__(self, conversion: str, width: int, height: int, settings: Settings) -> None:
+    Attributes:
+        boxes: the search regions (pixels), None for the whole sensor.
+    """
+
+    def __init__(self) -> None:
+        self.boxes: Sequence[Box] | None = None
+
+    def __call__(self) -> Sequence[Box] | None:
+        return self.boxes
+
+
+class FrameSource:
+    """Noise filter and converter: the stage that turns events into frames.
+
+    Args:
+        conversion: one of CONVERSIONS.
+        width: sensor width (pixels).
+        height: sensor height (pixels).
+        settings: of the filter and the converters.
+        regions: see `AtsltdConverter`.
+    """
+
+    def __init__(
+        self, conversion: str, width: int, height: int, settings: Settings, regions: Regions = lambda: None
+    ) -> None:
         self._filter = (
             BackgroundActivityFilter(width, height, settings.noise_filter)
             if settings.noise_filter.window_s > 0
             else None
         )
-        self._converter = _make_converter(conversion, width, height, settings)
+        self._converter = _make_converter(conversion, width, height, settings, regions)
 
     def frames(self, events: Events) -> Iterator[Frame]:
         """The frames that this batch finishes."""
@@ -164,9 +191,9 @@ class PerSensor(Generic[StageT]):
         return self._stage
 
 
-def _make_converter(conversion: str, width: int, height: int, settings: Settings) -> Converter:
+def _make_converter(conversion: str, width: int, height: int, settings: Settings, regions: Regions) -> Converter:
     if conversion == "atsltd":
-        return AtsltdConverter(width, height, settings.atsltd)
+        return AtsltdConverter(width, height, settings.atsltd, regions=regions)
     if conversion == "fixed_window":
         return FixedWindowConverter(width, height, settings.fixed_window)
     if conversion == "fixed_count":
@@ -202,28 +229,31 @@ def track(
         method: one of `METHODS`.
         settings: of all stages.
         threads: whether conversion (with the reading of `streams`) and reconstruction have a thread each beside the
-            caller's, which tracks. The steps are the same without.
+            caller's, which tracks. The steps are the same without. Where NZGE is measured in the targets' search
+            regions, each frame waits for the boxes of the last one, and there are none.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
     targets = unique_targets(targets)
+    threads = threads and settings.atsltd.entropy_region == ENTROPY_SENSOR
+    regions = SearchRegions()
     with ExitStack() as stack:
 
         def ahead(items: Iterator[Part]) -> Iterator[Part]:
             # Closed here, also where an error keeps a stage, and with it the thread that feeds it, from being let go.
             return stack.enter_context(closing(read_ahead(items))) if threads else items
 
-        parts = ahead(_frames(streams, method, settings))
+        parts = ahead(_frames(streams, method, settings, regions))
         if method_named(method).recovers:
             parts = ahead(_images(parts, settings))
-        yield from _steps(parts, targets, method, settings)
+        yield from _steps(parts, targets, method, settings, regions)
 
 
-def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings) -> Iterator[Part]:
+def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions) -> Iterator[Part]:
     conversion = method_named(method).conversion
-    sources = PerSensor(lambda width, height: FrameSource(conversion, width, height, settings))
+    sources = PerSensor(lambda width, height: FrameSource(conversion, width, height, settings, regions))
     for batch in streams:
         yield from sources.at(batch).parts(batch)
 
@@ -234,7 +264,9 @@ def _images(parts: Iterable[Part], settings: Settings) -> Iterator[Part]:
         yield sources.at(part.batch).take(part)
 
 
-def _steps(parts: Iterable[Part], targets: list[TargetStart], method: str, settings: Settings) -> Iterator[Step]:
+def _steps(
+    parts: Iterable[Part], targets: list[TargetStart], method: str, settings: Settings, regions: SearchRegions
+) -> Iterator[Step]:
     size: tuple[int, int] | None = None
     for part in parts:
         if part.batch is not None:
@@ -249,4 +281,5 @@ def _steps(parts: Iterable[Part], targets: list[TargetStart], method: str, setti
                     tracker.start(target.name, target.box, target.stamp_ns)
         if part.frame is not None:
             reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
+            regions.boxes = tracker.search_regions()
             yield Step(part.frame, part.image, reports)

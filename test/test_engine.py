@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etd_ros.boxes import Box, BoxError
-from etd_ros.conversion import ConversionError
+from etd_ros.conversion import ConversionError, nzge
 from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, Step, track
 from etd_ros.evaluation import TracksWriter
 from etd_ros.events import Events, concatenate
@@ -74,6 +74,47 @@ WHOLE = {method: rows(tracked(cut_at(EVENTS, []), method=method)) for method in 
 @given(cuts=st.lists(st.integers(1, len(EVENTS) - 1), max_size=30))
 def test_frames_images_and_boxes_do_not_depend_on_how_events_are_cut(method, cuts):
     assert rows(tracked(cut_at(EVENTS, cuts), method=method)) == WHOLE[method]
+
+
+def focused(method: str, cuts: Sequence[int] = (), *, threads: bool = True) -> list[Step]:
+    """Tracked with NZGE measured round the target, in front of noise that is everywhere else."""
+    rng = np.random.default_rng(3)
+    t = np.sort(rng.integers(int(EVENTS.t[0]), int(EVENTS.t[-1]), 40_000))
+    x, y = rng.integers(60, WIDTH, len(t)), rng.integers(0, HEIGHT, len(t))
+    noise = Events(t, x.astype(np.uint16), y.astype(np.uint16), (t % 2).astype(np.uint8), WIDTH, HEIGHT)
+    both = np.concatenate([EVENTS.to_structured(), noise.to_structured()])
+    events = Events.from_structured(both[np.argsort(both["t"], kind="stable")], WIDTH, HEIGHT)
+    regions = settings_from_mapping({"atsltd.entropy_region": "targets"})
+    streams = cut_at(events, cuts)
+    return list(track(streams, [TargetStart("square", BOX)], method=method, settings=regions, threads=threads))
+
+
+@pytest.mark.parametrize("method", ["etd", "etd-nr"])
+def test_entropy_in_the_search_region_is_that_of_its_cells(method):
+    steps = focused(method)
+    box: Box | None = None
+    for step in steps:
+        data = step.frame.data.copy()
+        if box is not None:
+            region = box.scaled(1.5)
+            inside = np.zeros(data.shape[:2], bool)
+            left, top = max(0, int(region.x) // 4 * 4), max(0, int(region.y) // 4 * 4)
+            right, bottom = (-(-int(np.ceil(edge)) // 4) * 4 for edge in (region.x + region.w, region.y + region.h))
+            inside[top:bottom, left:right] = True
+            data[~inside] = 0
+        assert step.frame.nzge == pytest.approx(nzge(data), abs=1e-12)
+        box = step.reports[0].box or box
+    assert steps[-1].reports[0].state is TargetState.TRACKING
+
+
+def test_a_busy_background_does_not_end_the_frames_of_a_target_in_its_own_region():
+    assert len(focused("etd-nr")) < len(tracked(cut_at(EVENTS, []), method="etd-nr")) * 2
+
+
+@settings(deadline=None, max_examples=5)
+@given(cuts=st.lists(st.integers(1, len(EVENTS) - 1), max_size=20), threads=st.booleans())
+def test_search_regions_give_the_same_boxes_however_events_are_cut(cuts, threads):
+    assert rows(focused("etd", cuts, threads=threads)) == rows(focused("etd"))
 
 
 def test_events_one_at_a_time_give_the_same_boxes():

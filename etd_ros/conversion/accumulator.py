@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
-from etd_ros.conversion.cell_map import CellMap, make_cell_map
+from etd_ros.conversion.cell_map import CellMap, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, first_after, read_out
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
@@ -46,6 +47,8 @@ class FrameAccumulator:
         self.state = np.array([EMPTY_STATE], STATE_DTYPE)
         self.data = self._empty_data()
         self.start_ns = 0
+        self._cell_size = cell_size
+        self._counted_boxes: Sequence[Box] | None = None
         self._previous_ns: int | None = None
 
     @property
@@ -65,6 +68,12 @@ class FrameAccumulator:
         if self._previous_ns is None:
             self.start_ns = int(events.t[0])
         self._previous_ns = int(events.t[-1])
+
+    def count_in(self, boxes: Sequence[Box] | None) -> None:
+        """Measure NZGE in these boxes, None for everywhere; between two frames."""
+        if boxes != self._counted_boxes:
+            self.cells = count_in(self.cells, boxes, self._cell_size)
+            self._counted_boxes = boxes
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""

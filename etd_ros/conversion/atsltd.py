@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
+from etd_ros.boxes import Box
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
@@ -15,6 +17,12 @@ from etd_ros.parameters import ParameterError, Parameters, parameter
 
 PAPER_INTERVAL = tuple(round(bound, 4) for bound in interval_from_statistics(mean=0.08795, std=0.02394, n=100))
 """[alpha, beta] from the paper's 100 sampled frames: (0.0832, 0.0927)."""
+
+
+ENTROPY_SENSOR, ENTROPY_TARGETS = "sensor", "targets"
+
+Regions: TypeAlias = "Callable[[], Sequence[Box] | None]"
+"""Tells where NZGE is to be measured now; None: everywhere."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,11 @@ class AtsltdConfig(Parameters):
     log_base: float = parameter(LOG_BASE, "Base of the entropy's logarithm; 256 normalises to [0, 1]", low=1.001)
     max_duration_s: float = parameter(
         0.1, "Longest frame (s); quiet or noisy scenes end frames by it", low=1e-6, high=DURATION_MAX_NS / 1e9
+    )
+    entropy_region: str = parameter(
+        ENTROPY_SENSOR,
+        "Where NZGE is measured: over the whole sensor (paper), or over the targets' search regions once there are any",
+        choices=(ENTROPY_SENSOR, ENTROPY_TARGETS),
     )
     check_stride: int = parameter(50, "Distance of the checks of NZGE (events): the largest delay", low=1, high=10_000)
 
@@ -58,12 +71,23 @@ class AtsltdConverter(AccumulatingConverter):
     - from the ninth check of one frame on the distance doubles: a frame whose NZGE stays just below alpha (one flash of
       the whole sensor) costs no more than a few readouts.
 
+    Where `regions` names boxes, NZGE is measured in the cells that have a pixel in one of them, and a small target in
+    a quiet scene ends frames as a busy background does not. It is asked once, before a frame's first event.
+
     If an event comes later than max_duration_s after the frame's start, the frame ends there without it
     (`FrameEnd.TIME_LIMIT`).
     """
 
-    def __init__(self, width: int, height: int, config: AtsltdConfig | None = None) -> None:
+    def __init__(
+        self, width: int, height: int, config: AtsltdConfig | None = None, *, regions: Regions = lambda: None
+    ) -> None:
         """Prepare for a sensor of width x height pixels.
+
+        Args:
+            width: pixels.
+            height: pixels.
+            config: when frames end.
+            regions: the targets' search regions; asked if config.entropy_region says so.
 
         Raises:
             EventsError: an impossible sensor size.
@@ -72,6 +96,7 @@ class AtsltdConverter(AccumulatingConverter):
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
+        self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
 
     def _frames(self, events: Events) -> Iterator[Frame]:
@@ -80,6 +105,8 @@ class AtsltdConverter(AccumulatingConverter):
         frame: Frame | None
         i = 0
         while i < len(events):
+            if self._regions is not None and accumulator.events == 0:
+                accumulator.count_in(self._regions())
             i, reached_nzge = advance(
                 accumulator.cells,
                 accumulator.state,

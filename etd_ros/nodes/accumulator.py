@@ -6,14 +6,15 @@ import sys
 from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
 
-from etd_ros.conversion import FrameEnd
-from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor
+from etd_ros.conversion import ENTROPY_TARGETS, FrameEnd
+from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor, SearchRegions
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.parameters import parameter
 from etd_ros.stream import StreamBatch
-from msg_adapters import EventMessage, encode_image
+from msg_adapters import EventMessage, decode_detections, encode_image
 
 STAGES = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
 
@@ -26,12 +27,20 @@ class AccumulatorOptions(NodeOptions):
 
 
 class Accumulator(EtdNode):
-    """Publishes `~/frames` while somebody subscribes to it."""
+    """Publishes `~/frames` while somebody subscribes to it.
+
+    With `atsltd.entropy_region: targets` it listens to the tracker: NZGE is measured round its last boxes.
+    """
 
     def __init__(self) -> None:
         super().__init__("accumulator", STAGES, AccumulatorOptions)
         self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
-        self._sources = PerSensor(lambda w, h: FrameSource(self.options.conversion, w, h, self.settings))
+        self._regions = SearchRegions()
+        self._sources = PerSensor(lambda w, h: FrameSource(self.options.conversion, w, h, self.settings, self._regions))
+        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
+            self._boxes = self.create_subscription(
+                Detection2DArray, "tracker/detections", self._on_boxes, FRAME_QOS, raw=True
+            )
         self._finished = dict.fromkeys(FrameEnd, 0)
         self._last_nzge = 0.0
         self._input = EventInput(self, self._on_events, lambda: self._frames.get_subscription_count() > 0)
@@ -47,6 +56,14 @@ class Accumulator(EtdNode):
             "reading events": self._input.subscribed,
             "frame subscribers": self._frames.get_subscription_count(),
         }
+
+    def _on_boxes(self, message: bytes) -> None:
+        self.worker.submit(self._take_boxes, message)
+
+    def _take_boxes(self, message: bytes) -> None:
+        scale = self.settings.detection.search_scale
+        boxes = [detection.box.scaled(scale) for detection in decode_detections(message).detections]
+        self._regions.boxes = boxes or None
 
     def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
         for frame in self._sources.at(batch).frames(batch.events):

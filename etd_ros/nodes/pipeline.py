@@ -6,11 +6,12 @@ import sys
 
 from sensor_msgs.msg import Image
 
-from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, make_tracker
+from etd_ros.conversion import ENTROPY_TARGETS
+from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, make_tracker
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, run_node
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
-from etd_ros.nodes.worker import Relay
+from etd_ros.nodes.worker import Inline, Relay
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch
 from etd_ros.tracking import MultiTracker, method_named
@@ -24,17 +25,18 @@ class Pipeline(EtdNode):
     """Decodes events once and hands frames over without serialisation; publishes only what somebody reads.
 
     Three threads, as in `etd_ros.engine.track`: the worker decodes and converts, the next one reconstructs, the last
-    one tracks and publishes.
+    one tracks and publishes. Where NZGE is measured in the targets' search regions, the worker does it all.
     """
 
     def __init__(self) -> None:
         super().__init__("pipeline", tuple(STAGES), TrackingOptions)
         make_tracker(self.options.method, 1, 1, self.settings)
         method = method_named(self.options.method)
-        self._imaging = Relay("pipeline_imaging", PARTS_AHEAD, self._on_worker_error)
-        self._tracking = Relay("pipeline_tracking", PARTS_AHEAD, self._on_worker_error)
+        self._imaging = self._stage("pipeline_imaging")
+        self._tracking = self._stage("pipeline_tracking")
+        self._regions = SearchRegions()
         self._recovers = method.recovers
-        self._frame_sources = PerSensor(lambda w, h: FrameSource(method.conversion, w, h, self.settings))
+        self._frame_sources = PerSensor(lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions))
         self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
         self._tracker: MultiTracker | None = None
         self._tracker_shape = (0, 0)
@@ -44,6 +46,12 @@ class Pipeline(EtdNode):
         self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
         self._reset = ResetService(self, lambda _: self._tracking.submit(self._forget))
         self._input = EventInput(self, self._on_events, self._wanted)
+
+    def _stage(self, name: str) -> Relay | Inline:
+        """A thread, except where each frame waits for the boxes of the last one."""
+        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
+            return Inline(self._on_worker_error)
+        return Relay(name, PARTS_AHEAD, self._on_worker_error)
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
@@ -95,6 +103,7 @@ class Pipeline(EtdNode):
             self._targets.start_all(self._tracker, frame.start_ns)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
+        self._regions.boxes = self._tracker.search_regions()
         if self._frames.get_subscription_count():
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():

@@ -83,6 +83,23 @@ class Worker(_TaskThread):
             self._changed.notify_all()
 
 
+class Inline:
+    """A later stage without a thread of its own: a task has been done when `submit` returns."""
+
+    def __init__(self, on_error: Callable[[Exception], None]) -> None:
+        self._on_error = on_error
+
+    def submit(self, task: Task) -> None:
+        """Do the task."""
+        try:
+            task()
+        except Exception as err:
+            self._on_error(err)
+
+    def stop(self) -> None:
+        """Nothing is under way."""
+
+
 class Relay(_TaskThread):
     """A later stage's thread. An earlier stage that is too fast waits; nothing on the way between two is dropped.
 

@@ -12,7 +12,7 @@ import numpy as np
 from etd_ros.boxes import Box
 from etd_ros.detection import EdgeBoxes
 from etd_ros.tracking.errors import TrackingError
-from etd_ros.tracking.target import FrameData, RecoveryFactory, Target, TargetReport, TrackerConfig
+from etd_ros.tracking.target import FrameData, RecoveryFactory, Target, TargetReport, TargetState, TrackerConfig
 
 NAME_LENGTH_MAX = 64
 _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="targets")
@@ -49,6 +49,12 @@ class MultiTracker:
     def targets(self) -> Mapping[str, Target]:
         """The targets by name, in the order of their start (read-only)."""
         return MappingProxyType(self._targets)
+
+    def search_regions(self) -> list[Box] | None:
+        """Where the targets that have started are looked for on the next frame (pixels); None if there are none."""
+        scale = self._detector.config.search_scale
+        started = (target for target in self._targets.values() if target.state is not TargetState.IDLE)
+        return [target.last_box.scaled(scale) for target in started] or None
 
     def start(self, name: str, box: Box, stamp_ns: int = 0) -> None:
         """Track a target that is at `box` at `stamp_ns`.

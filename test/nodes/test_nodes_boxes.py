@@ -15,8 +15,9 @@ EVENTS = "/event_camera/events"
 Boxes = dict[tuple[str, int], tuple[float, ...] | None]
 
 
-def offline_boxes(recording: Path, truth: Path, output: Path, method: str) -> Boxes:
-    assert main(["track", str(recording), "--targets", str(truth), "--output", str(output), "--method", method]) == 0
+def offline_boxes(recording: Path, truth: Path, output: Path, method: str, *options: str) -> Boxes:
+    command = ["track", str(recording), "--targets", str(truth), "--output", str(output), "--method", method]
+    assert main([*command, *options]) == 0
     rows = [row for rows in read_tracks(output).values() for row in rows]
     return {(row.target, row.stamp_ns): row.box and tuple(row.box) for row in rows}
 
@@ -62,12 +63,18 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
     assert_same_boxes(live_boxes(bench.messages["/tracker/detections"], bench.messages["/tracker/status"]), expected)
 
 
-def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path):
+@pytest.mark.parametrize("region", ["sensor", "targets"])
+def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path, region):
     recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
-    expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", "etd")
+    expected = offline_boxes(
+        recording, truth, tmp_path / "tracks.csv", "etd", "--set", f"atsltd.entropy_region={region}"
+    )
     bench.listen("/pipeline/detections", Detection2DArray)
     bench.listen("/pipeline/status", DiagnosticArray)
-    bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", "-p", f"targets_file:={truth}"))
+    bench.start(
+        "pipeline",
+        ros=("-r", f"~/events:={EVENTS}", "-p", f"targets_file:={truth}", "-p", f"atsltd.entropy_region:={region}"),
+    )
     replay = bench.start("replay", str(recording))
     stamps = {stamp for _, stamp in expected}
     bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
