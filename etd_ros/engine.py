@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -224,13 +224,13 @@ def track(
     """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
 
     Args:
-        streams: iterated in another thread, some frames ahead.
+        streams: iterated some frames ahead, in another thread.
         targets: what to track.
         method: one of `METHODS`.
         settings: of all stages.
-        threads: whether conversion (with the reading of `streams`) and reconstruction have a thread each beside the
-            caller's, which tracks. The steps are the same without. Where NZGE is measured in the targets' search
-            regions, each frame waits for the boxes of the last one, and there are none.
+        threads: whether all before the tracking (reading `streams`, conversion, reconstruction) has a thread beside the
+            caller's. The steps are the same without. Where NZGE is measured in the targets' search
+            regions, each frame waits for the boxes of the last one, and there is none.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
@@ -239,16 +239,15 @@ def track(
     targets = unique_targets(targets)
     threads = threads and settings.atsltd.entropy_region == ENTROPY_SENSOR
     regions = SearchRegions()
-    with ExitStack() as stack:
-
-        def ahead(items: Iterator[Part]) -> Iterator[Part]:
-            # Closed here, also where an error keeps a stage, and with it the thread that feeds it, from being let go.
-            return stack.enter_context(closing(read_ahead(items))) if threads else items
-
-        parts = ahead(_frames(streams, method, settings, regions))
-        if method_named(method).recovers:
-            parts = ahead(_images(parts, settings))
+    parts = _frames(streams, method, settings, regions)
+    if method_named(method).recovers:
+        parts = _images(parts, settings)
+    if not threads:
         yield from _steps(parts, targets, method, settings, regions)
+        return
+    # Closed here, also where an error keeps this generator, and with it the thread, from being let go.
+    with closing(read_ahead(parts)) as ahead:
+        yield from _steps(ahead, targets, method, settings, regions)
 
 
 def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions) -> Iterator[Part]:

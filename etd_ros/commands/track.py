@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(VideoWriter(options.video, VIDEO_FPS)) if options.video else None
         batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
-        # Its threads end before the recording that they read is closed.
+        # Its thread ends before the recording that it reads is closed.
         steps = stack.enter_context(closing(track_streams(batches, targets, method=options.method, settings=settings)))
         for step in steps:
             tracks.write_reports(step.frame.stamp_ns, step.reports)
