@@ -25,7 +25,8 @@ class Pipeline(EtdNode):
     """Decodes events once and hands frames over without serialisation; publishes only what somebody reads.
 
     Three threads: the worker decodes and converts, so that it takes a fast camera's events as they come, the next one
-    reconstructs, the last one tracks and publishes. Where NZGE is measured in the targets' search regions, the worker does it all.
+    reconstructs, the last one tracks and publishes. Where NZGE is measured in the targets' search regions, the worker
+    does it all.
     """
 
     def __init__(self) -> None:
