@@ -7,8 +7,9 @@ kept and moved by an exponential average of the later ones, which also follows t
 
 from __future__ import annotations
 
-import dataclasses
+import numpy as np
 
+from etd_ros.buffers import ArrayPool
 from etd_ros.events import Events
 from msg_adapters.event_message import EventMessage
 from msg_adapters.header import NS_PER_S
@@ -30,6 +31,7 @@ class SensorClock:
         self._gain = gain
         self._jump_ns = round(jump_s * NS_PER_S)
         self._resets = 0
+        self._pool = ArrayPool(np.int64)
         self.reset()
 
     @property
@@ -49,7 +51,9 @@ class SensorClock:
             return events
         offset_ns = self._follow(message.stamp_ns, int(events.t[0]))
         self._last_sensor_ns = int(events.t[-1])
-        return dataclasses.replace(events, t=events.t + offset_ns)
+        (times,) = self._pool.take(len(events))
+        times = np.add(events.t, offset_ns, out=times[: len(events)])
+        return Events(times, events.x, events.y, events.p, events.width, events.height)
 
     def _follow(self, stamp_ns: int, first_sensor_ns: int) -> int:
         measured_ns = stamp_ns - first_sensor_ns

@@ -102,12 +102,7 @@ class Reader:
 
     def blob(self, size: int) -> memoryview:
         """The next `size` bytes, as a read-only view."""
-        if size > self.remaining:
-            msg = (
-                f"message cut short: {size} bytes are announced at byte {self._position}, {self.remaining} are left; "
-                "get the whole message, or check its type and layout"
-            )
-            raise MessageError(msg)
+        self._check_left(size)
         self._position += size
         return self._view[self._position - size : self._position]
 
@@ -131,9 +126,19 @@ class Reader:
         return count
 
     def _unpack(self, form: struct.Struct) -> Any:
-        if self.layout is Layout.ROS2:
-            self.blob(-(self._position - self._origin) % form.size)
-        return form.unpack(self.blob(form.size))[0]
+        padding = -(self._position - self._origin) % form.size if self.layout is Layout.ROS2 else 0
+        self._check_left(padding + form.size)
+        start = self._position + padding
+        self._position = start + form.size
+        return form.unpack_from(self._view, start)[0]
+
+    def _check_left(self, size: int) -> None:
+        if size > len(self._view) - self._position:
+            msg = (
+                f"message cut short: {size} bytes are announced at byte {self._position}, {self.remaining} are left; "
+                "get the whole message, or check its type and layout"
+            )
+            raise MessageError(msg)
 
 
 class Writer:

@@ -107,3 +107,15 @@ def test_the_same_messages_give_the_same_times():
     first, second = SensorClock(), SensorClock()
     for sent in messages:
         np.testing.assert_array_equal(first.to_ros(sent).t, second.to_ros(sent).t)
+
+
+def test_times_that_are_kept_are_never_overwritten():
+    clock = SensorClock()
+    kept = [clock.to_ros(message(STAMP_NS + k * 1000, [k * 1000])).t for k in range(20)]
+    assert [times.tolist() for times in kept] == [[STAMP_NS + k * 1000] for k in range(20)]
+
+
+def test_message_after_message_is_shifted_without_new_memory():
+    clock = SensorClock()
+    places = {clock.to_ros(message(STAMP_NS + k * 1000, [k * 1000])).t.ctypes.data for k in range(20)}
+    assert len(places) == 1
