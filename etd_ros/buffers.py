@@ -28,6 +28,9 @@ LENGTH_STEPS = 4
 EXCESS_MAX = 16
 """Longer arrays are not lent where less than this part of them is asked for."""
 
+GAP = 64
+"""Bytes between the arrays of a group: arrays that are whole pages apart share the same few lines of the cache."""
+
 PATIENCE = 64
 """Takes after which the pool lets go of arrays that it did not lend again."""
 
@@ -54,10 +57,17 @@ class ArrayPool:
     @property
     def nbytes(self) -> int:
         """Memory of all arrays that the pool holds, lent or free (bytes)."""
-        return sum(array.nbytes for group in self._groups for array in group.arrays)
+        return sum(group.memory.nbytes for group in self._groups)
 
     def take(self, length: int) -> Arrays:
-        """A group of arrays of one length, at least `length` items, whose content is undefined."""
+        """A group of arrays of `length` items, whose content is undefined."""
+        return tuple([array[:length] for array in self.reserve(length)])
+
+    def reserve(self, length: int) -> Arrays:
+        """A group of at least `length` items of which only views may be kept: the next call may give it again.
+
+        For whoever does not know yet how many items he will fill, and cuts the arrays afterwards.
+        """
         self._takes += 1
         groups = self._groups
         place = self._free_place(length)
@@ -76,27 +86,32 @@ class ArrayPool:
         longest = max(EXCESS_MAX * length, LENGTH_SHORT)
         for place in range(len(self._groups) - 1, -1, -1):
             group = self._groups[place]
-            if length <= group.length <= longest and group.is_free():
+            if length <= group.length <= longest and getrefcount(group.memory) == group.references_when_free:
                 return place
         return None
 
 
 class _Group:
-    __slots__ = ("_references_when_free", "arrays", "length", "taken")
+    """Arrays in one block of memory. Whatever is a view of them refers to the block, as NumPy's views of views do."""
+
+    __slots__ = ("arrays", "length", "memory", "references_when_free", "taken")
 
     def __init__(self, dtypes: tuple[np.dtype[Any], ...], length: int) -> None:
         self.length = length
-        self.arrays: Arrays = tuple([np.empty(length, dtype) for dtype in dtypes])
+        starts, end = [], 0
+        for dtype in dtypes:
+            starts.append(end)
+            end += length * dtype.itemsize + GAP
+        self.memory = np.empty(end - GAP, np.uint8)
+        self.arrays: Arrays = tuple(
+            [
+                self.memory[start : start + length * dtype.itemsize].view(dtype)
+                for start, dtype in zip(starts, dtypes, strict=True)
+            ]
+        )
         self.taken = 0
         # Measured, because interpreters differ in what they count.
-        self._references_when_free = self._references()
-
-    def is_free(self) -> bool:
-        return self._references() == self._references_when_free
-
-    def _references(self) -> int:
-        # Those to the tuple count too: a caller may hold it and have no name for its arrays.
-        return sum(map(getrefcount, self.arrays), getrefcount(self.arrays))
+        self.references_when_free = getrefcount(self.memory)
 
 
 def _rounded(length: int) -> int:

@@ -70,13 +70,13 @@ class EventArrayDecoder:
         start = memoryview(message).nbytes - reader.remaining
         record = _RECORD[self._layout]
         body = reader.blob(record.itemsize * (count - 1) + RECORD_SIZE if count else 0)
-        columns = self._events.take(count)
+        columns = self._events.reserve(count)
+        off_sensor = 0
         if count:
             data = memoryview(message).cast("B").toreadonly()
-            _decode(np.frombuffer(data, record, count, start + _RECORDS_START[self._layout]), *columns)
-            _, x, y, _ = columns
-            x[0], y[0] = _FIRST_PLACE.unpack_from(body)
-        events = events_on_sensor(columns, count, width, height)
+            records = np.frombuffer(data, record, count, start + _RECORDS_START[self._layout])
+            off_sensor = _decode(records, *_FIRST_PLACE.unpack_from(body), width, height, *columns)
+        events = events_on_sensor(columns, count, off_sensor, width, height)
         return EventMessage(
             stamp_ns=header.stamp_ns,
             frame_id=header.frame_id,
@@ -86,7 +86,7 @@ class EventArrayDecoder:
             is_sensor_time=False,
             triggers=Triggers.empty(),
             skipped_words=0,
-            off_sensor=count - len(events),
+            off_sensor=off_sensor,
         )
 
     def reset(self) -> None:
@@ -95,10 +95,17 @@ class EventArrayDecoder:
 
 # Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.
 @njit(cache=True, nogil=True)
-def _decode(records, t, x, y, p):  # type: ignore[no-untyped-def]
+def _decode(records, first_x, first_y, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
+    """The number of events off the sensor."""
+    column_end, row_end = np.uint16(width), np.uint16(height)
     for i in range(len(records)):
         record = records[i]
         t[i] = np.int64(record.sec) * NS_PER_S + np.int64(record.nsec)
         x[i] = record.x
         y[i] = record.y
         p[i] = record.polarity != 0
+    x[0], y[0] = first_x, first_y
+    off_sensor = 0
+    for i in range(len(records)):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    return off_sensor

@@ -16,11 +16,37 @@ def address(array):
 
 @settings(deadline=None, max_examples=50)
 @given(st.integers(0, 10_000_000))
-def test_arrays_have_the_dtypes_asked_for_and_at_least_the_length(length):
+def test_arrays_have_the_dtypes_and_the_length_asked_for(length):
     t, p = ArrayPool(np.int64, "u1").take(length)
     assert (t.dtype, p.dtype) == (np.int64, np.uint8)
-    assert len(t) == len(p)
-    assert length <= len(t) <= max(1.25 * length + 1, LENGTH_MIN)
+    assert len(t) == len(p) == length
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 10_000_000))
+def test_reserved_arrays_are_little_longer_than_asked_for(length):
+    t, p = ArrayPool(np.int64, "u1").reserve(length)
+    assert (t.dtype, p.dtype) == (np.int64, np.uint8)
+    assert length <= len(t) == len(p) <= max(1.25 * length + 1, LENGTH_MIN)
+
+
+def test_the_arrays_of_a_group_do_not_overlap():
+    arrays = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8).take(3000)
+    for value, array in enumerate(arrays):
+        array[:] = value
+    assert [set(array.tolist()) for array in arrays] == [{0}, {1}, {2}, {3}]
+
+
+def test_what_is_cut_from_reserved_arrays_is_kept_and_the_rest_is_given_again():
+    pool = ArrayPool(np.int64, np.uint8)
+    t, p = pool.reserve(100)
+    kept = p[:5]
+    place = address(t)
+    del t, p
+    assert address(pool.reserve(100)[0]) != place
+    del kept
+    others = pool.take(100)
+    assert address(pool.reserve(100)[0]) == place != address(others[0])
 
 
 def test_an_array_let_go_of_is_lent_again():
@@ -97,7 +123,7 @@ def test_long_arrays_are_not_lent_where_few_items_are_asked_for():
     pool = ArrayPool(np.uint8)
     pool.take(EXCESS_MAX * LENGTH_SHORT)
     kept = pool.take(1000)
-    assert len(kept[0]) <= LENGTH_SHORT
+    assert kept[0].base.nbytes <= LENGTH_SHORT
 
 
 def test_a_consumer_that_keeps_everything_does_not_make_the_pool_grow():

@@ -23,6 +23,7 @@ from msg_adapters.codecs.words import (
     EventPool,
     Payload,
     as_words,
+    count_off_sensor,
     events_on_sensor,
     first_triggers,
     trigger_columns,
@@ -52,10 +53,11 @@ class Evt2Decoder:
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_32)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_capacity)
+        columns, triggers = self._events.reserve(event_capacity), trigger_columns(trigger_capacity)
         count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
-        events = events_on_sensor(columns, count, width, height)
-        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
+        off_sensor = count_off_sensor(*columns[1:3], count, width, height)
+        events = events_on_sensor(columns, count, off_sensor, width, height)
+        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, off_sensor)
 
     def reset(self) -> None:
         """Forget the time."""

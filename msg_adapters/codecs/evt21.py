@@ -24,6 +24,7 @@ from msg_adapters.codecs.words import (
     Payload,
     as_words,
     bits_set,
+    count_off_sensor,
     events_on_sensor,
     first_triggers,
     set_bits,
@@ -67,10 +68,11 @@ class Evt21Decoder:
         if self._halves_swapped:
             words = as_words(words.view("<u4").reshape(-1, 2)[:, ::-1].tobytes(), WORD_64)
         event_capacity, trigger_capacity = _count(words)
-        columns, triggers = self._events.take(event_capacity + GROUP_BITS), trigger_columns(trigger_capacity)
+        columns, triggers = self._events.reserve(event_capacity + GROUP_BITS), trigger_columns(trigger_capacity)
         count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
-        events = events_on_sensor(columns, count, width, height)
-        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, count - len(events))
+        off_sensor = count_off_sensor(*columns[1:3], count, width, height)
+        events = events_on_sensor(columns, count, off_sensor, width, height)
+        return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, off_sensor)
 
     def reset(self) -> None:
         """Forget the time."""

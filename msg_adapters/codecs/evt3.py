@@ -32,6 +32,7 @@ from numba import njit
 
 from msg_adapters.codecs.words import (
     WORD_16,
+    Columns,
     DecodedWords,
     EventPool,
     Payload,
@@ -40,7 +41,6 @@ from msg_adapters.codecs.words import (
     bits_set,
     events_on_sensor,
     set_bits,
-    trigger_columns,
 )
 
 CODE_SHIFT, VALUE_MASK = 12, 0xFFF
@@ -84,29 +84,40 @@ class Evt3Decoder:
 
     def __init__(self) -> None:
         self._state = np.zeros(_STATE_SIZE, np.int64)
+        self._is_time_known = False
         self._events = EventPool()
 
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_16)
-        if self._state[_SYNC] == _TIME_KNOWN:
+        if self._is_time_known:
             return self._decode(words, width, height)
         known_from = int(_find_time(words, self._state))
+        self._is_time_known = bool(self._state[_SYNC] == _TIME_KNOWN)
         early = self._decode(words[:known_from], width, height)
         decoded = self._decode(words[known_from:], width, height)
         return decoded._replace(skipped_words=early.skipped_words + decoded.skipped_words)
 
     def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
-        event_capacity, trigger_count = _capacities(words)
-        columns, triggers = self._events.take(event_capacity), trigger_columns(trigger_count)
-        count, skipped = _decode(words, self._state, *columns, *triggers)
-        events = events_on_sensor(columns, count, width, height)
-        edges = Triggers(*triggers) if trigger_count else Triggers.empty()
-        return DecodedWords(events, edges, skipped, count - len(events))
+        columns = self._events.reserve_for_words(len(words))
+        needed, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
+        if needed > len(columns[0]):
+            columns = self._events.reserve_more(needed, len(words))
+            _, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
+        edges = _last_as_triggers(columns, trigger_count) if trigger_count else Triggers.empty()
+        return DecodedWords(events_on_sensor(columns, count, off_sensor, width, height), edges, skipped, off_sensor)
 
     def reset(self) -> None:
         """Forget time, row and base column."""
         self._state[:] = 0
+        self._is_time_known = False
+
+
+def _last_as_triggers(columns: Columns, count: int) -> Triggers:
+    """The `count` triggers that `_decode` wrote from the arrays' end on, copied."""
+    t, identifier, _, edge = columns
+    backwards = slice(None, -count - 1, -1)
+    return Triggers(t[backwards].copy(), identifier[backwards].copy(), edge[backwards].copy())
 
 
 @njit(cache=True, nogil=True)
@@ -123,19 +134,41 @@ def _find_time(words, state):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _capacities(words):  # type: ignore[no-untyped-def]
-    """Events that the arrays must have room for, since `_decode` may write them, and triggers, which it all writes."""
-    events, triggers = 1, 0
+def _decode(words, state, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
+    """Items that the arrays must have, then the numbers of what was decoded: nothing if the arrays are too short.
+
+    One kernel does all, since many messages are so small that a call costs as much as their words.
+    """
+    needed = _capacity(words)
+    if needed > len(t):
+        return needed, 0, 0, 0, 0
+    count, trigger_count, skipped = _decode_words(words, state, t, x, y, p)
+    return needed, _count_off_sensor(x, y, count, width, height), count, trigger_count, skipped
+
+
+@njit(cache=True, nogil=True)
+def _capacity(words):  # type: ignore[no-untyped-def]
+    """Items that `_decode_words` may write: events, one more that is not counted, and triggers."""
+    items = 1
     for i in range(len(words)):
         code = words[i].word >> CODE_SHIFT
-        events += (code == SINGLE_X) + MASK_12_BITS * ((code == MASK_12) | (code == MASK_8))
-        triggers += code == TRIGGER
-    return events, triggers
+        items += ((code == SINGLE_X) | (code == TRIGGER)) + MASK_12_BITS * ((code == MASK_12) | (code == MASK_8))
+    return items
+
+
+@njit(cache=True, nogil=True)
+def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
+    column_end, row_end = np.uint16(width), np.uint16(height)
+    off_sensor = 0
+    for i in range(count):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    return off_sensor
 
 
 # Indices are unsigned: for signed ones, compiled code would ask of each access whether it counts from the end.
+# Triggers are written from the arrays' end on: time to t, input to x, edge to p.
 @njit(cache=True, nogil=True)
-def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
+def _decode_words(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
     count, trigger_count, skipped = np.uint64(0), 0, 0
     loop, high, row = state[_LOOP], state[_HIGH], state[_ROW]
     base_column, base_polarity = state[_BASE_COLUMN], state[_POLARITY]
@@ -182,12 +215,13 @@ def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # t
             high_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT)
             time_ns = high_ns + low_ns
         elif code == TRIGGER:
-            trigger_t[trigger_count] = time_ns
-            trigger_id[trigger_count] = value >> TRIGGER_ID_SHIFT
-            trigger_edge[trigger_count] = value & TRIGGER_EDGE_MASK
             trigger_count += 1
+            place = np.uint64(len(t) - trigger_count)
+            t[place] = time_ns
+            x[place] = value >> TRIGGER_ID_SHIFT
+            p[place] = value & TRIGGER_EDGE_MASK
         else:
             skipped += 1
     state[_LOOP], state[_HIGH], state[_LOW_NS] = loop, high, time_ns - high_ns
     state[_ROW], state[_BASE_COLUMN], state[_POLARITY] = row, base_column, base_polarity
-    return np.int64(count), skipped
+    return np.int64(count), trigger_count, skipped

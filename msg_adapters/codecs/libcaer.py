@@ -40,17 +40,19 @@ class LibcaerDecoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
         words = as_words(payload, WORD_64)
-        columns = self._events.take(len(words))
-        _decode(words, time_base_ns, *columns)
-        events = events_on_sensor(columns, len(words), width, height)
-        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - len(events))
+        columns = self._events.reserve(len(words))
+        off_sensor = _decode(words, time_base_ns, width, height, *columns)
+        events = events_on_sensor(columns, len(words), off_sensor, width, height)
+        return DecodedWords(events, Triggers.empty(), 0, off_sensor)
 
     def reset(self) -> None:
         """Nothing to forget."""
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
+def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
+    """The number of events off the sensor."""
+    column_end, row_end = np.uint16(width), np.uint16(height)
     high_ns = np.int64(time_base_ns)
     last_us = np.int64(-(1 << 31))
     for i in range(len(words)):
@@ -62,3 +64,7 @@ def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
         x[i] = (word >> X_SHIFT) & COORDINATE_MASK
         y[i] = (word >> Y_SHIFT) & COORDINATE_MASK
         p[i] = (word >> POLARITY_SHIFT) & 1
+    off_sensor = 0
+    for i in range(len(words)):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    return off_sensor

@@ -64,27 +64,49 @@ class LibcaerCmpDecoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
         words = as_words(payload, WORD_16)
-        columns = self._events.take(_capacity(words))
-        count, skipped = _decode(words, time_base_ns, *columns)
-        events = events_on_sensor(columns, count, width, height)
-        return DecodedWords(events, Triggers.empty(), skipped, count - len(events))
+        columns = self._events.reserve_for_words(len(words))
+        needed, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
+        if needed > len(columns[0]):
+            columns = self._events.reserve_more(needed, len(words))
+            _, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
+        events = events_on_sensor(columns, count, off_sensor, width, height)
+        return DecodedWords(events, Triggers.empty(), skipped, off_sensor)
 
     def reset(self) -> None:
         """Nothing to forget."""
 
 
 @njit(cache=True, nogil=True)
-def _capacity(words):  # type: ignore[no-untyped-def]
-    """Events that the arrays must have room for: those that `_decode` may write."""
-    events = 1
-    for i in range(len(words)):
-        code = words[i].word >> CODE_SHIFT
-        events += (code == SINGLE_Y) + MASK_8_BITS * (code == MASK_8)
-    return events
+def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
+    """Items that the arrays must have, then the numbers of what was decoded: nothing if the arrays are too short."""
+    needed = _capacity(words)
+    if needed > len(t):
+        return needed, 0, 0, 0
+    count, skipped = _decode_words(words, time_base_ns, t, x, y, p)
+    return needed, _count_off_sensor(x, y, count, width, height), count, skipped
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
+def _capacity(words):  # type: ignore[no-untyped-def]
+    """Items that `_decode_words` may write: events, and one more that is not counted."""
+    items = 1
+    for i in range(len(words)):
+        code = words[i].word >> CODE_SHIFT
+        items += (code == SINGLE_Y) + MASK_8_BITS * (code == MASK_8)
+    return items
+
+
+@njit(cache=True, nogil=True)
+def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
+    column_end, row_end = np.uint16(width), np.uint16(height)
+    off_sensor = 0
+    for i in range(count):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    return off_sensor
+
+
+@njit(cache=True, nogil=True)
+def _decode_words(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
     count, skipped = np.uint64(0), 0
     column, base_row, base_polarity = np.int64(0), np.int64(0), np.int64(0)
     high_ns = time_ns = np.int64(time_base_ns)

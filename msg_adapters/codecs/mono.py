@@ -42,10 +42,10 @@ class MonoDecoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
         words = as_words(payload, WORD_64)
-        columns = self._events.take(len(words))
-        _decode(words, time_base_ns, *columns)
-        events = events_on_sensor(columns, len(words), width, height)
-        return DecodedWords(events, Triggers.empty(), off_sensor=len(words) - len(events))
+        columns = self._events.reserve(len(words))
+        off_sensor = _decode(words, time_base_ns, width, height, *columns)
+        events = events_on_sensor(columns, len(words), off_sensor, width, height)
+        return DecodedWords(events, Triggers.empty(), 0, off_sensor)
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -93,13 +93,19 @@ def encode_mono(events: Events, time_base_ns: int) -> npt.NDArray[np.uint64]:
 
 
 @njit(cache=True, nogil=True)
-def _decode(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
+def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
+    """The number of events off the sensor."""
+    column_end, row_end = np.uint16(width), np.uint16(height)
     for i in range(len(words)):
         word = words[i].word
         t[i] = time_base_ns + (word & DT_MASK)
         x[i] = (word >> X_SHIFT) & X_MASK
         y[i] = (word >> Y_SHIFT) & Y_MASK
         p[i] = word < 0
+    off_sensor = 0
+    for i in range(len(words)):
+        off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
+    return off_sensor
 
 
 @njit(cache=True, nogil=True)

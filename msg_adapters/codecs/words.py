@@ -92,8 +92,10 @@ def as_words(payload: Payload, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     Raises:
         MessageError: the payload ends inside a word.
     """
+    # Read-only whatever the source, so that compiled kernels see one type of array.
+    data = payload if isinstance(payload, bytes) else memoryview(cast("bytes", payload)).toreadonly()
     try:
-        words = np.frombuffer(payload, dtype)
+        return np.frombuffer(data, dtype)
     except ValueError as err:
         size = memoryview(cast("bytes", payload)).nbytes
         msg = (
@@ -101,9 +103,6 @@ def as_words(payload: Payload, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
             "get the whole message, or check its encoding"
         )
         raise MessageError(msg) from err
-    # Whatever the source, so that compiled kernels see one type of array.
-    words.flags.writeable = False
-    return words
 
 
 def bits_set(mask_bits: int) -> npt.NDArray[np.uint64]:
@@ -119,14 +118,27 @@ def set_bits(mask_bits: int) -> npt.NDArray[np.uint8]:
 
 
 class EventPool:
-    """The arrays that a decoder fills with events, used again when nobody refers to them any more."""
+    """The arrays that a decoder fills with events, used again when nobody refers to them any more.
+
+    They are lent as `ArrayPool.reserve` does: only views of them may be kept.
+    """
 
     def __init__(self) -> None:
         self._pool = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8)
+        self._events_per_word = 1
 
-    def take(self, capacity: int) -> Columns:
+    def reserve(self, capacity: int) -> Columns:
         """Uninitialised arrays t, x, y, p of at least `capacity` items."""
-        return cast("Columns", self._pool.take(capacity))
+        return cast("Columns", self._pool.reserve(capacity))
+
+    def reserve_for_words(self, word_count: int) -> Columns:
+        """Arrays that are long enough for this many words if those have as many events as the words before."""
+        return self.reserve(word_count * self._events_per_word + 1)
+
+    def reserve_more(self, capacity: int, word_count: int) -> Columns:
+        """Arrays of at least `capacity` items, in place of some that were too short for these words."""
+        self._events_per_word = -(-capacity // word_count)
+        return self.reserve_for_words(word_count)
 
 
 def trigger_columns(capacity: int) -> TriggerColumns:
@@ -136,11 +148,21 @@ def trigger_columns(capacity: int) -> TriggerColumns:
     return np.empty(capacity, np.int64), np.empty(capacity, np.uint16), np.empty(capacity, np.uint8)
 
 
-def events_on_sensor(columns: Columns, count: int, width: int, height: int) -> Events:
-    """The events on the sensor among the first `count` of the arrays, as views; the others are overwritten."""
+def events_on_sensor(columns: Columns, count: int, off_sensor: int, width: int, height: int) -> Events:
+    """The events on the sensor among the first `count` of the arrays, as views; the others are overwritten.
+
+    Args:
+        columns: the arrays.
+        count: the number of events in them.
+        off_sensor: how many of those lie outside the sensor.
+        width: sensor width (pixels).
+        height: sensor height (pixels).
+    """
     t, x, y, p = columns
-    kept = _keep_on_sensor(t, x, y, p, count, width, height)
-    return Events(t[:kept], x[:kept], y[:kept], p[:kept], width, height)
+    if off_sensor:
+        _keep_on_sensor(t, x, y, p, count, width, height)
+        count -= off_sensor
+    return Events(t[:count], x[:count], y[:count], p[:count], width, height)
 
 
 def first_triggers(columns: TriggerColumns, count: int) -> Triggers:
@@ -155,17 +177,23 @@ _NO_TRIGGER_COLUMNS: TriggerColumns = np.empty(0, np.int64), np.empty(0, np.uint
 _NO_TRIGGERS = Triggers(*_NO_TRIGGER_COLUMNS)
 
 
-# To ask once, of all events at a time, costs next to nothing; to ask while decoding would cost more than the decoding.
 @njit(cache=True, nogil=True)
-def _keep_on_sensor(t, x, y, p, count, width, height):  # type: ignore[no-untyped-def]
+def count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
+    """How many of the first `count` events lie outside the sensor.
+
+    To ask once, of all events at a time, costs next to nothing; to ask while decoding would cost more than decoding.
+    """
     column_end, row_end = np.uint16(width), np.uint16(height)
     off_sensor = 0
     for i in range(count):
         off_sensor += (x[i] >= column_end) | (y[i] >= row_end)
-    if off_sensor == 0:
-        return count
+    return off_sensor
+
+
+@njit(cache=True, nogil=True)
+def _keep_on_sensor(t, x, y, p, count, width, height):  # type: ignore[no-untyped-def]
+    column_end, row_end = np.uint16(width), np.uint16(height)
     kept = np.uint64(0)  # unsigned: a signed index is asked at each access whether it counts from the end
     for i in range(np.uint64(count)):
         t[kept], x[kept], y[kept], p[kept] = t[i], x[i], y[i], p[i]
         kept += np.uint64((x[i] < column_end) & (y[i] < row_end))
-    return np.int64(kept)

@@ -106,5 +106,5 @@ def test_messages_of_any_size_and_buffer_run_the_kernels_compiled_first(message_
     }
     # The records of an EventArray are of another type in each layout.
     assert kernels.pop("msg_adapters.event_array._decode") <= len(Layout)
-    assert len(kernels) == 8
+    assert len(kernels) == 13
     assert max(kernels.values()) == 1, kernels
