@@ -12,7 +12,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
 from etd_ros.conversion.cell_map import CellMap, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, first_after, read_out
+from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, clear, first_after, read_out
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -91,8 +91,7 @@ class FrameAccumulator:
         """The frame, which `data` holds already, with its NZGE; the next one starts at stamp_ns."""
         data = self.data.reshape(self.height, self.width, 2)
         frame = Frame(stamp_ns, self.start_ns, data, self.events, entropy, end)
-        self.cells.words.fill(0)
-        self.state[0] = EMPTY_STATE
+        clear(self.cells, self.state)
         self.data = self._empty_data()
         self.start_ns = stamp_ns
         return frame

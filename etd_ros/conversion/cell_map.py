@@ -29,6 +29,12 @@ TILE_SLOTS = 2 * TILE_SIDE * TILE_SIDE
 DURATION_MAX_NS = 2_000_000_000
 """Longest frame: times since its start are kept in 32 bits."""
 
+BLOCK_EVENTS = 512
+"""Events that are added at a time: few enough for their slots to stay in the processor's nearest memory."""
+
+LISTED = 4
+"""Numbers that the readout's list holds of a tile."""
+
 ENTROPY_ONE = 1 << 40
 """Unit of running sums of entropies: integers, so that sums do not depend on how they were added up."""
 
@@ -46,7 +52,10 @@ class CellMap(NamedTuple):
         is_counted: bool, (C,), counted: uint32: the cells in which the entropy is measured.
         entropy: int64, (m + 1,): entropy of a channel of which c pixels have events of distinct levels (ENTROPY_ONE).
         loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
-        seen: uint32, (512,), touched_tiles, touched_words: uint32, (T + 2,): scratch of the readout.
+        columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
+        touched_tiles: uint32, (T + 1,): the tiles with events in the order in which they got the first one.
+        slots: uint32, (512,): scratch for a block of events.
+        seen: uint32, (512,), listed: uint32, (4 (T + 2),): scratch of the readout.
     """
 
     row_slot: npt.NDArray[np.uint32]
@@ -60,9 +69,11 @@ class CellMap(NamedTuple):
     counted: npt.NDArray[np.uint32]
     entropy: npt.NDArray[np.int64]
     loss: FloatArray
-    seen: npt.NDArray[np.uint32]
+    columns: int
     touched_tiles: npt.NDArray[np.uint32]
-    touched_words: npt.NDArray[np.uint32]
+    slots: npt.NDArray[np.uint32]
+    seen: npt.NDArray[np.uint32]
+    listed: npt.NDArray[np.uint32]
 
 
 def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> CellMap:
@@ -94,9 +105,11 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
         counted=np.arange(rows * columns, dtype=np.uint32),
         entropy=entropy,
         loss=loss,
+        columns=columns if cell_size == TILE_SIDE else 0,
+        touched_tiles=np.zeros(len(tile) + 1, np.uint32),
+        slots=np.zeros(BLOCK_EVENTS, np.uint32),
         seen=np.zeros(2 * GREY_LEVELS, np.uint32),
-        touched_tiles=np.zeros(len(tile) + 2, np.uint32),
-        touched_words=np.zeros(len(tile) + 2, np.uint32),
+        listed=np.zeros(LISTED * (len(tile) + 2), np.uint32),
     )
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag1 import Reader
 
-from etd_ros.events import Events
+from etd_ros.events import Events, concatenate
+from etd_ros.recordings import open_recording
 
 DATA = Path(os.environ.get("ETD_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -42,6 +43,18 @@ def slider_depth_events(messages):
     t = array["sec"].astype(np.int64) * 10**9 + array["nsec"]
     order = np.argsort(t, kind="stable")
     return make_events(t[order], array["x"][order], array["y"][order], array["p"][order], 240, 180)
+
+
+def first_events(path, count):
+    """At least `count` events from the start of a recording, or all, as they are converted."""
+    batches, total = [], 0
+    with open_recording(path) as recording:
+        for batch in recording.streams():
+            batches.append(batch.events)
+            total += len(batch.events)
+            if total >= count:
+                break
+    return concatenate(batches)
 
 
 def closed_form(events, start_ns, stamp_ns):
@@ -88,6 +101,11 @@ def channel_levels(data, cell_size=4):
 def entropy(counts):
     shares = np.asarray([count for count in counts if count]) / sum(counts)
     return float(-(shares * np.log(shares)).sum() / np.log(256))
+
+
+def channel_entropy(events, pixels=16):
+    """Entropy of a channel of which so many pixels have events of distinct levels."""
+    return entropy([1] * int(events) + [pixels - int(events)])
 
 
 def distinct_levels_sums(data, sample_step=8):

@@ -1,0 +1,79 @@
+"""How much later than the plain per-event definition frames end, on real recordings."""
+
+import numpy as np
+import pytest
+from conversion_oracles import DATA, channel_entropy, first_events, slider_depth_events
+
+from etd_ros.conversion import PAPER_INTERVAL, AtsltdConfig, AtsltdConverter, FrameEnd, nzge
+
+ALPHA = PAPER_INTERVAL[0]
+STRIDE = AtsltdConfig().check_stride
+DELAY_MAX = 4 * STRIDE
+"""Stated in docs/conversion.md; there is the largest one measured, over whole recordings."""
+
+
+ENTROPIES = np.array([channel_entropy(events) for events in range(17)])
+
+
+class PlainFrame:
+    """A frame event by event: each pixel's last time, and a bound that tells where a look at NZGE is needless."""
+
+    def __init__(self, start_ns, width, height):
+        self.start_ns = start_ns
+        self.last = np.full((height, width, 2), -1, np.int64)
+        self.counts = np.zeros((-(-height // 4), -(-width // 4), 2), int)
+        self.touched, self.entropy = 0, 0.0
+
+    def add(self, t, x, y, p):
+        if self.last[y, x, 1 - p] < 0:
+            counts = self.counts[y // 4, x // 4]
+            self.touched += not counts.any()
+            self.entropy += ENTROPIES[counts[1 - p] + 1] - ENTROPIES[counts[1 - p]]
+            counts[1 - p] += 1
+        self.last[y, x, 1 - p] = t - self.start_ns
+
+    def has_reached(self, alpha):
+        duration_ns = int(self.last.max())
+        if duration_ns == 0 or self.entropy / 2 / self.touched < alpha - 1e-9:
+            return False
+        levels = np.maximum(1, (510 * self.last + duration_ns) // (2 * duration_ns))
+        return nzge(np.where(self.last < 0, 0, levels).astype(np.uint8)) >= alpha
+
+
+def first_event_that_reaches(events, start_ns, alpha):
+    """The number of events after which NZGE is first at least alpha, by the definition."""
+    frame = PlainFrame(start_ns, events.width, events.height)
+    for n, event in enumerate(zip(events.t.tolist(), events.x, events.y, events.p, strict=True), start=1):
+        frame.add(*event)
+        if frame.has_reached(alpha):
+            return n
+    return None
+
+
+def delays(events, every, limit):
+    """Of every so-many-th frame that ended by its information: how many events later than the definition."""
+    found, first = [], 0
+    for number, frame in enumerate(AtsltdConverter(events.width, events.height).convert(events)):
+        content = events[first : first + frame.events]
+        first += frame.events
+        if frame.end is FrameEnd.NZGE and number % every == 0 and len(found) < limit:
+            found.append(frame.events - first_event_that_reaches(content, frame.start_ns, ALPHA))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("load", "every", "limit"),
+    [
+        (lambda: slider_depth_events(40), 4, 8),
+        (lambda: first_events(DATA / "traffic" / "traffic.mcap", 60_000), 10, 10),
+        (lambda: first_events(DATA / "drivers" / "evt3_640x480", 600_000), 3, 5),
+        (lambda: first_events(DATA / "drivers" / "libcaer_cmp_346x260", 300_000), 3, 8),
+    ],
+    ids=["slider_depth", "traffic", "evt3", "libcaer_cmp"],
+)
+def test_frames_end_within_a_few_strides_of_the_definition(load, every, limit):
+    found = delays(load(), every, limit)
+    assert len(found) >= 5
+    assert min(found) >= 0
+    assert max(found) <= DELAY_MAX
+    assert np.median(found) < STRIDE
