@@ -16,15 +16,18 @@ Offsets (bytes) of event k's fields from the first byte after the count:
 from __future__ import annotations
 
 import struct
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from etd_ros.events import Events
 from msg_adapters.codecs import Triggers
 from msg_adapters.codecs.words import EventPool, events_on_sensor
+from msg_adapters.common_fields import SENSOR_SIZE, SEQUENCE_LENGTH, CommonFields, header_fields
 from msg_adapters.event_message import EventMessage, checked_size
 from msg_adapters.header import NS_PER_S, read_header
-from msg_adapters.layout import Layout, MessageBytes, Reader
+from msg_adapters.layout import Layout, MessageBytes, Reader, byte_view, cut_short
 
 RECORD_SIZE = 13
 """Bytes of one event without padding."""
@@ -45,8 +48,17 @@ Only the first event's x and y are not where its record has them."""
 _FIRST_PLACE = struct.Struct("<HH")
 
 
+class _Known(NamedTuple):
+    """What the messages of a topic have in common."""
+
+    common: CommonFields
+    frame_id: str
+    width: int
+    height: int
+
+
 class EventArrayDecoder:
-    """Decodes EventArrays; it has no state.
+    """Decodes EventArrays; it has no state that a message's events depend on.
 
     Args:
         layout: how the messages' fields are laid out.
@@ -54,6 +66,9 @@ class EventArrayDecoder:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
+        self._record = _RECORD[layout]
+        self._records_start = _RECORDS_START[layout]
+        self._known: _Known | None = None
         self._events = EventPool()
 
     def decode(self, message: MessageBytes) -> EventMessage:
@@ -62,35 +77,53 @@ class EventArrayDecoder:
         Raises:
             MessageError: cut short, or of an impossible size.
         """
-        reader = Reader(message, self._layout)
-        header = read_header(reader)
-        height, width = reader.u32(), reader.u32()
-        checked_size(width, height)
-        count = reader.count(RECORD_SIZE)
-        start = memoryview(message).nbytes - reader.remaining
-        record = _RECORD[self._layout]
-        body = reader.blob(record.itemsize * (count - 1) + RECORD_SIZE if count else 0)
-        columns = self._events.reserve(count)
-        off_sensor = 0
-        if count:
-            data = memoryview(message).cast("B").toreadonly()
-            records = np.frombuffer(data, record, count, start + _RECORDS_START[self._layout])
-            off_sensor = _decode(records, *_FIRST_PLACE.unpack_from(body), width, height, *columns)
-        events = events_on_sensor(columns, count, off_sensor, width, height)
+        view = byte_view(message)
+        known = self._known
+        fields = known.common.read(view) if known else None
+        if known is None or fields is None:
+            known = self._read_first(view)
+            fields = known.common.first
+        _, seconds, nanoseconds, _, _, count = fields
+        events, off_sensor = self._read_events(view, known, count)
         return EventMessage(
-            stamp_ns=header.stamp_ns,
-            frame_id=header.frame_id,
-            seq=None,
-            encoding="array",
-            events=events,
-            is_sensor_time=False,
-            triggers=Triggers.empty(),
-            skipped_words=0,
-            off_sensor=off_sensor,
+            seconds * NS_PER_S + nanoseconds,
+            known.frame_id,
+            None,  # seq
+            "array",
+            events,
+            False,  # is_sensor_time
+            Triggers.empty(),
+            0,  # skipped_words
+            off_sensor,
         )
 
     def reset(self) -> None:
         """Nothing to forget."""
+
+    def _read_events(self, view: memoryview, known: _Known, count: int) -> tuple[Events, int]:
+        """The events on the sensor, and the number of the others."""
+        width, height = known.width, known.height
+        if not count:
+            return Events.empty(width, height), 0
+        start = known.common.size
+        if start + self._record.itemsize * (count - 1) + RECORD_SIZE > len(view):
+            raise cut_short(count, "items", start, len(view) - start)
+        records = np.frombuffer(view, self._record, count, start + self._records_start)
+        first_x, first_y = _FIRST_PLACE.unpack_from(view, start)
+        columns = self._events.reserve(count)
+        off_sensor = _decode(records, first_x, first_y, width, height, *columns)
+        return events_on_sensor(columns, count, off_sensor, width, height), off_sensor
+
+    def _read_first(self, view: memoryview) -> _Known:
+        """Read and check field by field a message that differs from the last one in what they have in common."""
+        reader = Reader(view, self._layout)
+        header = read_header(reader)
+        height, width = reader.u32(), reader.u32()
+        checked_size(width, height)
+        reader.count(RECORD_SIZE)
+        common = CommonFields(view, self._layout, [*header_fields(view, self._layout), SENSOR_SIZE, SEQUENCE_LENGTH])
+        self._known = _Known(common, header.frame_id, width, height)
+        return self._known
 
 
 # Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.

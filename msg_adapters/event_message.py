@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from etd_ros.events import Events, EventsError, check_sensor_size
 from msg_adapters.codecs import Triggers
 from msg_adapters.layout import MessageBytes, MessageError
 
 
-@dataclass(frozen=True, slots=True)
-class EventMessage:
+class EventMessage(NamedTuple):
     """One decoded message of events.
 
     Attributes:

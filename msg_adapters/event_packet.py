@@ -21,9 +21,10 @@ from msg_adapters.codecs import (
     WordDecoder,
     encode_mono,
 )
+from msg_adapters.common_fields import SENSOR_SIZE, SEQUENCE_LENGTH, CommonFields, header_fields, string_field
 from msg_adapters.event_message import EventMessage, checked_size
-from msg_adapters.header import Header, read_header, write_header
-from msg_adapters.layout import Layout, MessageBytes, MessageError, Reader, Writer, known_names
+from msg_adapters.header import NS_PER_S, Header, read_header, write_header
+from msg_adapters.layout import Layout, MessageBytes, MessageError, Reader, Writer, byte_view, cut_short, known_names
 
 _CODECS: dict[str, Callable[[], WordDecoder]] = {
     "evt3": Evt3Decoder,
@@ -50,6 +51,16 @@ class _Packet(NamedTuple):
     payload: memoryview | npt.NDArray[Any]
 
 
+class _Known(NamedTuple):
+    """What the packets of a topic have in common."""
+
+    common: CommonFields
+    frame_id: str
+    encoding: str
+    width: int
+    height: int
+
+
 class EventPacketDecoder:
     """Decodes EventPackets; the codec's state lasts while encoding and size stay the same.
 
@@ -59,7 +70,7 @@ class EventPacketDecoder:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._stream: tuple[str, int, int] | None = None
+        self._known: _Known | None = None
         self._codec: WordDecoder = MonoDecoder()
 
     def decode(self, message: MessageBytes) -> EventMessage:
@@ -68,31 +79,45 @@ class EventPacketDecoder:
         Raises:
             MessageError: cut short, big-endian, of an unknown encoding, or of an impossible size or time base.
         """
-        packet = _read_packet(message, self._layout)
-        width, height = checked_size(packet.width, packet.height)
-        if packet.time_base_ns > _TIME_BASE_MAX_NS:
-            msg = f"the EventPacket's time base of {packet.time_base_ns} ns lies after the year 2116: it is no time"
-            raise MessageError(msg)
-        stream = (packet.encoding, width, height)
-        if stream != self._stream:
-            self._codec = _codec(packet.encoding)
-            self._stream = stream
-        decoded = self._codec.decode(packet.payload, width, height, packet.time_base_ns)
+        view = byte_view(message)
+        known = self._known
+        fields = known.common.read(view) if known else None
+        if known is None or fields is None:
+            known = self._read_first(view)
+            fields = known.common.first
+        _, seconds, nanoseconds, _, _, seq, time_base_ns, _, size = fields
+        _check_time_base(time_base_ns)
+        start = known.common.size
+        if start + size > len(view):
+            raise cut_short(size, "bytes", start, len(view) - start)
+        decoded = self._codec.decode(view[start : start + size], known.width, known.height, time_base_ns)
         return EventMessage(
-            stamp_ns=packet.header.stamp_ns,
-            frame_id=packet.header.frame_id,
-            seq=packet.seq,
-            encoding=packet.encoding,
-            events=decoded.events,
-            is_sensor_time=self._codec.is_sensor_time,
-            triggers=decoded.triggers,
-            skipped_words=decoded.skipped_words,
-            off_sensor=decoded.off_sensor,
+            seconds * NS_PER_S + nanoseconds,
+            known.frame_id,
+            seq,
+            known.encoding,
+            decoded.events,
+            self._codec.is_sensor_time,
+            decoded.triggers,
+            decoded.skipped_words,
+            decoded.off_sensor,
         )
 
     def reset(self) -> None:
         """See `EventMessageDecoder.reset`."""
-        self._stream = None
+        self._known = None
+
+    def _read_first(self, view: memoryview) -> _Known:
+        """Read and check field by field a message that differs from the last one in what they have in common."""
+        packet = _read_packet(view, self._layout)
+        width, height = checked_size(packet.width, packet.height)
+        _check_time_base(packet.time_base_ns)
+        last = self._known
+        if last is None or (last.encoding, last.width, last.height) != (packet.encoding, width, height):
+            self._codec = _codec(packet.encoding)
+        common = _common_fields(view, self._layout)
+        self._known = _Known(common, packet.header.frame_id, packet.encoding, width, height)
+        return self._known
 
 
 def encode_event_packet(
@@ -132,6 +157,19 @@ def _codec(encoding: str) -> WordDecoder:
         msg = f"unknown encoding {encoding!r} of events: known are {known_names(ENCODINGS)}; set the driver to one"
         raise MessageError(msg)
     return _CODECS[encoding]()
+
+
+def _check_time_base(time_base_ns: int) -> None:
+    if time_base_ns > _TIME_BASE_MAX_NS:
+        msg = f"the EventPacket's time base of {time_base_ns} ns lies after the year 2116: it is no time"
+        raise MessageError(msg)
+
+
+def _common_fields(view: memoryview, layout: Layout) -> CommonFields:
+    """The fields of a packet that `_read_packet` has read; the byte order is common with the encoding before it."""
+    fields = [*header_fields(view, layout), SENSOR_SIZE, (8, "Q"), (8, "Q")]
+    encoding = string_field(view, layout, fields, more=1)
+    return CommonFields(view, layout, [*fields, encoding, SEQUENCE_LENGTH])
 
 
 def _read_packet(message: MessageBytes, layout: Layout) -> _Packet:

@@ -54,8 +54,7 @@ class Reader:
 
     def __init__(self, message: MessageBytes, layout: Layout) -> None:
         self.layout = layout
-        # Read-only whatever the source, so that compiled kernels see one type of array.
-        self._view = memoryview(message).cast("B").toreadonly()
+        self._view = byte_view(message)
         self._position = 0
         self._origin = 0
         if layout is Layout.ROS2:
@@ -118,11 +117,7 @@ class Reader:
         """
         count = self.u32()
         if count * item_size_min > self.remaining:
-            msg = (
-                f"message cut short: {count} items are announced before byte {self._position}, {self.remaining} bytes "
-                "are left; get the whole message, or check its type and layout"
-            )
-            raise MessageError(msg)
+            raise cut_short(count, "items", self._position, self.remaining)
         return count
 
     def _unpack(self, form: struct.Struct) -> Any:
@@ -134,11 +129,7 @@ class Reader:
 
     def _check_left(self, size: int) -> None:
         if size > len(self._view) - self._position:
-            msg = (
-                f"message cut short: {size} bytes are announced at byte {self._position}, {self.remaining} are left; "
-                "get the whole message, or check its type and layout"
-            )
-            raise MessageError(msg)
+            raise cut_short(size, "bytes", self._position, self.remaining)
 
 
 class Writer:
@@ -204,6 +195,28 @@ class Writer:
         if self.layout is Layout.ROS2:
             self._append(bytes(-self._size % form.size))
         self._append(data)
+
+
+def byte_view(message: MessageBytes) -> memoryview:
+    """A message's bytes, read-only whatever the source, so that compiled kernels see one type of array."""
+    if isinstance(message, bytes):
+        return memoryview(message)
+    return memoryview(message).cast("B").toreadonly()
+
+
+def cut_short(count: int, unit: str, position: int, left: int) -> MessageError:
+    """The error of a message that ends too early.
+
+    Args:
+        count: of what it says to hold.
+        unit: what that is.
+        position: where that begins (bytes).
+        left: bytes from there on.
+    """
+    return MessageError(
+        f"message cut short: {count} {unit} are announced before byte {position}, {left} bytes are left; "
+        "get the whole message, or check its type and layout"
+    )
 
 
 def as_bytes_array(view: memoryview) -> npt.NDArray[np.uint8]:

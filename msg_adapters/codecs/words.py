@@ -93,7 +93,8 @@ def as_words(payload: Payload, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
         MessageError: the payload ends inside a word.
     """
     # Read-only whatever the source, so that compiled kernels see one type of array.
-    data = payload if isinstance(payload, bytes) else memoryview(cast("bytes", payload)).toreadonly()
+    is_read_only = isinstance(payload, bytes) or (isinstance(payload, memoryview) and payload.readonly)
+    data = payload if is_read_only else memoryview(cast("bytes", payload)).toreadonly()
     try:
         return np.frombuffer(data, dtype)
     except ValueError as err:

@@ -141,6 +141,22 @@ def test_evt3_gives_triggers_apart_and_counts_padding():
     assert (len(decoded.events), decoded.skipped_words) == (0, 1)
 
 
+def test_evt3_gives_triggers_among_more_events_than_there_are_words():
+    said = [0x8000, 0x6000, 0x0005, *[0x3000, 0x4FFF, 0xA301, 0x6009, 0xA200] * 1000]
+    decoded = Evt3Decoder().decode(words("H", said), WIDTH, HEIGHT)
+    triggers = decoded.triggers
+    assert decoded.events.x.tolist() == list(range(12)) * 1000
+    assert (triggers.t.tolist(), triggers.id.tolist()) == ([0, *[9000] * 1999], [3, 2] * 1000)
+    assert triggers.edge.tolist() == [1, 0] * 1000
+
+
+def test_evt3_triggers_are_kept_when_the_next_message_is_decoded():
+    codec = Evt3Decoder()
+    triggers = codec.decode(words("H", [0x8000, 0x6009, 0xA301]), WIDTH, HEIGHT).triggers
+    codec.decode(words("H", [0x600A, 0xA400]), WIDTH, HEIGHT)
+    assert (triggers.t.tolist(), triggers.id.tolist(), triggers.edge.tolist()) == ([9000], [3], [1])
+
+
 def test_evt3_forgets_its_time_on_reset():
     codec = Evt3Decoder()
     codec.decode(words("H", [0x8000, 0x6009]), WIDTH, HEIGHT)
