@@ -12,7 +12,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
 from etd_ros.conversion.cell_map import CellMap, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, clear, first_after, read_out
+from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, clear, finish, first_after
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -78,20 +78,18 @@ class FrameAccumulator:
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
         stop = int(first_after(events.t[:stop], first, limit_ns))
-        part = events[first:stop]
-        add_events(self.cells, self.state, part.t, part.x, part.y, part.p, self.start_ns)
+        add_events(self.cells, self.state, events.t, events.x, events.y, events.p, first, stop, self.start_ns)
         return stop
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        entropy = float(read_out(self.cells, self.state, stamp_ns - self.start_ns, self.data))
-        return self.hand_out(stamp_ns, end, entropy)
+        entropy, events = finish(self.cells, self.state, stamp_ns - self.start_ns, self.data)
+        return self.hand_out(stamp_ns, end, entropy, events)
 
-    def hand_out(self, stamp_ns: int, end: FrameEnd, entropy: float) -> Frame:
-        """The frame, which `data` holds already, with its NZGE; the next one starts at stamp_ns."""
+    def hand_out(self, stamp_ns: int, end: FrameEnd, entropy: float, events: int) -> Frame:
+        """The frame that a kernel has put into `data`; the next one starts at stamp_ns."""
         data = self.data.reshape(self.height, self.width, 2)
-        frame = Frame(stamp_ns, self.start_ns, data, self.events, entropy, end)
-        clear(self.cells, self.state)
+        frame = Frame(stamp_ns, self.start_ns, data, events, entropy, end)
         self.data = self._empty_data()
         self.start_ns = stamp_ns
         return frame
@@ -111,8 +109,8 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        if self.events:
-            self.hand_out(self.start_ns, FrameEnd.TIME_LIMIT, 0.0)
+        clear(self.cells, self.state)
+        self.data.fill(0)
         self._previous_ns = None
 
     def _empty_data(self) -> npt.NDArray[np.uint8]:

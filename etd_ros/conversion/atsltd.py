@@ -107,7 +107,7 @@ class AtsltdConverter(AccumulatingConverter):
         while i < len(events):
             if self._regions is not None and accumulator.events == 0:
                 accumulator.count_in(self._regions())
-            i, reached_nzge = advance(
+            i, reached_nzge, frame_events = advance(
                 accumulator.cells,
                 accumulator.state,
                 *(events.t, events.x, events.y, events.p),
@@ -119,7 +119,7 @@ class AtsltdConverter(AccumulatingConverter):
                 accumulator.data,
             )
             if reached_nzge > 0:
-                frame = accumulator.hand_out(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge)
+                frame = accumulator.hand_out(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge, frame_events)
                 self.overshoots += frame.nzge > beta
             elif i < len(events):
                 frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)

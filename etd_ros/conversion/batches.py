@@ -69,4 +69,4 @@ def _violations(
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
-    return steps_back, room < 0
+    return steps_back, bool(room < 0)

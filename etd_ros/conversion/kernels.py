@@ -69,62 +69,74 @@ def add_events(
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
     start_ns: int,
 ) -> None:
-    """Add all of these events to the frame that starts at start_ns.
+    """Add events first .. stop - 1 to the frame that starts at start_ns.
 
     In blocks, whose slots are found first, in loops that the compiler vectorises.
     """
-    for first in range(0, len(t), len(cells.slots)):
-        stop = min(first + len(cells.slots), len(t))
+    state[0].events += stop - first
+    while first < stop:
+        number = min(stop - first, len(cells.slots))
         if cells.columns > 0:
-            _compute_slots(x[first:stop], y[first:stop], p[first:stop], cells.columns, cells.slots)
+            _compute_slots(cells, x, y, p, _U64(first), _U64(number))
         else:
-            _look_up_slots(x[first:stop], y[first:stop], p[first:stop], cells.row_slot, cells.column_slot, cells.slots)
-        _mark_slots(cells, state, t[first:stop], start_ns)
-    state[0].events += len(t)
+            _look_up_slots(cells, x, y, p, _U64(first), _U64(number))
+        _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+        first += number
 
 
 @njit(cache=True, nogil=True)
 def _compute_slots(
+    cells: CellMap,
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
-    columns: int,
-    slots: npt.NDArray[np.uint32],
+    first: np.uint64,
+    number: np.uint64,
 ) -> None:
     """The slots of events where a cell is one tile of 4 x 4 pixels; all in 32 bits, the compiler's widest loops."""
-    cell_columns = _U32(columns)
-    for i in range(len(x)):
-        column, row = _U32(x[i]), _U32(y[i])
+    cell_columns = _U32(cells.columns)
+    for k in range(number):
+        column, row = _U32(x[first + k]), _U32(y[first + k])
         cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
         place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
-        off = _U32(_U32(_U32(p[i]) ^ _U32(1)) << _U32(4))
-        slots[i] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
+        off = _U32(_U32(_U32(p[first + k]) ^ _U32(1)) << _U32(4))
+        cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
 
 
 @njit(cache=True, nogil=True)
 def _look_up_slots(
+    cells: CellMap,
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
-    row_slot: npt.NDArray[np.uint32],
-    column_slot: npt.NDArray[np.uint32],
-    slots: npt.NDArray[np.uint32],
+    first: np.uint64,
+    number: np.uint64,
 ) -> None:
-    for i in range(len(x)):
-        slots[i] = (row_slot[y[i]] + column_slot[x[i]]) | ((_U32(p[i]) ^ _U32(1)) << _U32(4))
+    for k in range(number):
+        on_slot = cells.row_slot[y[first + k]] + cells.column_slot[x[first + k]]
+        cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
 
 
 @njit(cache=True, nogil=True)
-def _mark_slots(cells: CellMap, state: npt.NDArray[np.void], t: npt.NDArray[np.int64], start_ns: int) -> None:
+def _mark_slots(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    first: np.uint64,
+    number: np.uint64,
+    start_ns: int,
+) -> None:
     """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
     slots, last, words, entropy = cells.slots, cells.last, cells.words, cells.entropy
     touched_tiles = cells.touched_tiles
     gained, touched = np.int64(0), _U64(state[0].touched)
-    for i in range(len(t)):
-        slot = slots[i]
-        last[slot] = t[i] - start_ns
+    for k in range(number):
+        slot = slots[k]
+        last[slot] = t[first + k] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
         after = _U32(before | (_U32(1) << (slot & _U32(31))))
@@ -154,7 +166,18 @@ def first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
+def finish(
+    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
+) -> tuple[float, int]:
+    """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
+    nzge = _read_out(cells, state, duration_ns, data)
+    events = state[0].events
+    clear(cells, state)
+    return nzge, events
+
+
+@njit(cache=True, nogil=True)
+def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
     entropy, touched = _sum_entropies(cells, state)
     lost, without_entropy = _write_levels(cells, state, duration_ns, 1, data)
@@ -199,7 +222,7 @@ def _write_levels(
                 if same + _U32(2) == len(cells.loss):
                     # A channel full of one level: the cell has no entropy if the other one is so too, or empty.
                     other_is_uniform = uniform_cell == np.int64(cell)
-                    without_entropy += int(other_is_uniform or _is_empty(cells, cell, place >= _U64(16)))
+                    without_entropy += int(other_is_uniform or _is_empty(cells, cell, bool(place >= _U64(16))))
                     uniform_cell = np.int64(cell)
         word = _U32(word & _U32(word - _U32(1)))
         done = _U64(word == _U32(0))
@@ -222,7 +245,8 @@ def _list_tiles(cells: CellMap, state: npt.NDArray[np.void], step: int) -> int:
             pixels += np.int64(count_bits(words[cells.touched_tiles[k]]))
             end += _U64(LISTED)
     else:
-        for tile in range(_U64(0), _U64(len(words)), _U64(step)):
+        for index in range(0, len(words), step):
+            tile = _U64(index)
             cell = tile >> _U64(cells.tile_shift)
             _list_tile(cells, tile, _U32(_U32(cell + _U64(1)) * stamp_step), end)
             pixels += np.int64(count_bits(words[tile]))
@@ -242,7 +266,7 @@ def _list_tile(cells: CellMap, tile: np.uint64, stamp: np.uint32, at: np.uint64)
 
 @njit(cache=True, nogil=True)
 def clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
-    """Begin the next frame."""
+    """Forget the frame's events."""
     if state[0].touched * SPARSE_TILES < len(cells.words):
         for k in range(_U64(state[0].touched)):
             cells.words[cells.touched_tiles[k]] = 0
@@ -300,11 +324,12 @@ def advance(
     alpha: float,
     check_stride: int,
     data: npt.NDArray[np.uint8],
-) -> tuple[int, float]:
+) -> tuple[int, float, int]:
     """Add events to the frame until it reaches alpha, one comes after limit_ns, or the batch is over.
 
     Returns:
-        The index of the first event not added, and the NZGE that reached alpha (the frame is in data then), or 0.
+        The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
+        frame is in data then, and the next one has begun), or 0 and 0.
     """
     stop = first_after(t, first, limit_ns)
     i = first
@@ -312,18 +337,20 @@ def advance(
         state[0].next = check_stride
     while True:
         part = min(stop, i + state[0].next - state[0].events)
-        add_events(cells, state, t[i:part], x[i:part], y[i:part], p[i:part], start_ns)
+        add_events(cells, state, t, x, y, p, i, part, start_ns)
         i = part
         if state[0].events < state[0].next:
-            return i, 0.0
+            return i, 0.0, 0
         strides = 1
         duration_ns = t[i - 1] - start_ns
         if duration_ns > 0:
             strides = _strides_below(cells, state, alpha, check_stride, duration_ns, data)
         if strides == 0:
-            nzge = read_out(cells, state, duration_ns, data)
+            nzge = _read_out(cells, state, duration_ns, data)
             if nzge >= alpha:
-                return i, nzge
+                events = state[0].events
+                clear(cells, state)
+                return i, nzge, events
             strides = _fail(cells, state, nzge)
         state[0].next += strides * check_stride
 
