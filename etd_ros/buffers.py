@@ -70,31 +70,26 @@ class ArrayPool:
         """
         self._takes += 1
         groups = self._groups
-        place = self._free_place(length)
-        if place is None:
-            groups.append(_Group(self._dtypes, _rounded(length)))
-        elif place != len(groups) - 1:
-            groups.append(groups.pop(place))
-        group = groups[-1]
+        # The one lent last is the best, if it is free.
+        for group in reversed(groups):
+            if group.fits(length):
+                break
+        else:
+            group = _Group(self._dtypes, _rounded(length))
+            groups.append(group)
+        if groups[-1] is not group:
+            groups.remove(group)
+            groups.append(group)
         group.taken = self._takes
         if self._takes - groups[0].taken >= PATIENCE:
             del groups[0]
         return group.arrays
 
-    def _free_place(self, length: int) -> int | None:
-        """Place of the free group of fitting length that was lent last."""
-        longest = max(EXCESS_MAX * length, LENGTH_SHORT)
-        for place in range(len(self._groups) - 1, -1, -1):
-            group = self._groups[place]
-            if length <= group.length <= longest and getrefcount(group.memory) == group.references_when_free:
-                return place
-        return None
-
 
 class _Group:
     """Arrays in one block of memory. Whatever is a view of them refers to the block, as NumPy's views of views do."""
 
-    __slots__ = ("arrays", "length", "memory", "references_when_free", "taken")
+    __slots__ = ("_references_when_free", "arrays", "length", "memory", "taken")
 
     def __init__(self, dtypes: tuple[np.dtype[Any], ...], length: int) -> None:
         self.length = length
@@ -111,7 +106,15 @@ class _Group:
         )
         self.taken = 0
         # Measured, because interpreters differ in what they count.
-        self.references_when_free = getrefcount(self.memory)
+        self._references_when_free = getrefcount(self.memory)
+
+    def fits(self, length: int) -> bool:
+        """Whether these arrays are free, and neither too short nor much too long."""
+        return (
+            length <= self.length
+            and (self.length <= LENGTH_SHORT or self.length <= EXCESS_MAX * length)
+            and getrefcount(self.memory) == self._references_when_free
+        )
 
 
 def _rounded(length: int) -> int:

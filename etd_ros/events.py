@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,6 +42,23 @@ class Events:
     p: npt.NDArray[np.uint8]
     width: int
     height: int
+
+    def __init__(
+        self,
+        t: npt.NDArray[np.int64],
+        x: npt.NDArray[np.uint16],
+        y: npt.NDArray[np.uint16],
+        p: npt.NDArray[np.uint8],
+        width: int,
+        height: int,
+    ) -> None:
+        # What the generated method does, in half its time: every message and every slice makes events.
+        _set_t(self, t)
+        _set_x(self, x)
+        _set_y(self, y)
+        _set_p(self, p)
+        _set_width(self, width)
+        _set_height(self, height)
 
     @classmethod
     def empty(cls, width: int, height: int) -> Events:
@@ -106,6 +124,11 @@ class Events:
         """The events with start_ns <= t < end_ns, as views."""
         first, last = np.searchsorted(self.t, (start_ns, end_ns))
         return self[int(first) : int(last)]
+
+
+_set_t, _set_x, _set_y, _set_p, _set_width, _set_height = (
+    getattr(Events, field.name).__set__ for field in dataclasses.fields(Events)
+)
 
 
 def concatenate(batches: Sequence[Events]) -> Events:

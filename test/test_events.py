@@ -1,5 +1,7 @@
 """Events: the one in-memory form."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,6 +29,17 @@ def test_structured_events_come_back_unchanged(times):
 def test_between_takes_the_half_open_interval(times, start, end):
     taken = make_events(times).between(start, end)
     assert taken.t.tolist() == [t for t in times if start <= t < end]
+
+
+def test_events_are_frozen_and_can_be_replaced_field_by_field():
+    events = make_events(range(3))
+    for field in dataclasses.fields(events):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(events, field.name, None)
+        replaced = dataclasses.replace(events, **{field.name: "new"})
+        for other in dataclasses.fields(events):
+            expected = "new" if other is field else getattr(events, other.name)
+            assert getattr(replaced, other.name) is expected
 
 
 def test_slices_are_views_and_concatenation_restores_the_whole():

@@ -54,8 +54,9 @@ class Evt2Decoder:
         words = as_words(payload, WORD_32)
         event_capacity, trigger_capacity = _count(words)
         columns, triggers = self._events.reserve(event_capacity), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
-        off_sensor = count_off_sensor(*columns[1:3], count, width, height)
+        count, trigger_count, skipped = _decode(words, self._state, *(*columns, *triggers))
+        _, x, y, _ = columns
+        off_sensor = count_off_sensor(x, y, count, width, height)
         events = events_on_sensor(columns, count, off_sensor, width, height)
         return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, off_sensor)
 

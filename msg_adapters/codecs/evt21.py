@@ -69,8 +69,9 @@ class Evt21Decoder:
             words = as_words(words.view("<u4").reshape(-1, 2)[:, ::-1].tobytes(), WORD_64)
         event_capacity, trigger_capacity = _count(words)
         columns, triggers = self._events.reserve(event_capacity + GROUP_BITS), trigger_columns(trigger_capacity)
-        count, trigger_count, skipped = _decode(words, self._state, *columns, *triggers)
-        off_sensor = count_off_sensor(*columns[1:3], count, width, height)
+        count, trigger_count, skipped = _decode(words, self._state, *(*columns, *triggers))
+        _, x, y, _ = columns
+        off_sensor = count_off_sensor(x, y, count, width, height)
         events = events_on_sensor(columns, count, off_sensor, width, height)
         return DecodedWords(events, first_triggers(triggers, trigger_count), skipped, off_sensor)
 

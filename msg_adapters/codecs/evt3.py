@@ -30,9 +30,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from etd_ros.buffers import Arrays
 from msg_adapters.codecs.words import (
     WORD_16,
-    Columns,
     DecodedWords,
     EventPool,
     Payload,
@@ -113,7 +113,7 @@ class Evt3Decoder:
         self._is_time_known = False
 
 
-def _last_as_triggers(columns: Columns, count: int) -> Triggers:
+def _last_as_triggers(columns: Arrays, count: int) -> Triggers:
     """The `count` triggers that `_decode` wrote from the arrays' end on, copied."""
     t, identifier, _, edge = columns
     backwards = slice(None, -count - 1, -1)

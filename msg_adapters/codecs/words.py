@@ -9,17 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.buffers import ArrayPool
+from etd_ros.buffers import ArrayPool, Arrays
 from etd_ros.events import Events
 from msg_adapters.layout import MessageError
 
 Payload: TypeAlias = "bytes | bytearray | memoryview | npt.NDArray[Any]"
 """Encoded words as contiguous bytes."""
-
-Columns: TypeAlias = (
-    "tuple[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint16], npt.NDArray[np.uint8]]"
-)
-"""The arrays t, x, y, p that a kernel fills."""
 
 TriggerColumns: TypeAlias = "tuple[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint8]]"
 """The arrays t, id, edge that a kernel fills."""
@@ -118,25 +113,18 @@ def set_bits(mask_bits: int) -> npt.NDArray[np.uint8]:
     return np.where(np.sort(is_set, axis=1)[:, ::-1], order, 0).astype(np.uint8)
 
 
-class EventPool:
-    """The arrays that a decoder fills with events, used again when nobody refers to them any more.
-
-    They are lent as `ArrayPool.reserve` does: only views of them may be kept.
-    """
+class EventPool(ArrayPool):
+    """Arrays t, x, y, p that a decoder fills with events."""
 
     def __init__(self) -> None:
-        self._pool = ArrayPool(np.int64, np.uint16, np.uint16, np.uint8)
+        super().__init__(np.int64, np.uint16, np.uint16, np.uint8)
         self._events_per_word = 1
 
-    def reserve(self, capacity: int) -> Columns:
-        """Uninitialised arrays t, x, y, p of at least `capacity` items."""
-        return cast("Columns", self._pool.reserve(capacity))
-
-    def reserve_for_words(self, word_count: int) -> Columns:
+    def reserve_for_words(self, word_count: int) -> Arrays:
         """Arrays that are long enough for this many words if those have as many events as the words before."""
         return self.reserve(word_count * self._events_per_word + 1)
 
-    def reserve_more(self, capacity: int, word_count: int) -> Columns:
+    def reserve_more(self, capacity: int, word_count: int) -> Arrays:
         """Arrays of at least `capacity` items, in place of some that were too short for these words."""
         self._events_per_word = -(-capacity // word_count)
         return self.reserve_for_words(word_count)
@@ -149,7 +137,7 @@ def trigger_columns(capacity: int) -> TriggerColumns:
     return np.empty(capacity, np.int64), np.empty(capacity, np.uint16), np.empty(capacity, np.uint8)
 
 
-def events_on_sensor(columns: Columns, count: int, off_sensor: int, width: int, height: int) -> Events:
+def events_on_sensor(columns: Arrays, count: int, off_sensor: int, width: int, height: int) -> Events:
     """The events on the sensor among the first `count` of the arrays, as views; the others are overwritten.
 
     Args:
