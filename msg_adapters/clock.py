@@ -52,7 +52,7 @@ class SensorClock:
         offset_ns = self._follow(message.stamp_ns, int(events.t[0]))
         self._last_sensor_ns = int(events.t[-1])
         (times,) = self._pool.take(len(events))
-        times = np.add(events.t, offset_ns, out=times[: len(events)])
+        np.add(events.t, offset_ns, out=times)
         return Events(times, events.x, events.y, events.p, events.width, events.height)
 
     def _follow(self, stamp_ns: int, first_sensor_ns: int) -> int:

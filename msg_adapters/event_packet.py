@@ -86,21 +86,26 @@ class EventPacketDecoder:
             known = self._read_first(view)
             fields = known.common.first
         _, seconds, nanoseconds, _, _, seq, time_base_ns, _, size = fields
-        _check_time_base(time_base_ns)
-        start = known.common.size
+        if time_base_ns > _TIME_BASE_MAX_NS:
+            raise _late_time_base(time_base_ns)
+        common, frame_id, encoding, width, height = known
+        start = common.size
         if start + size > len(view):
             raise cut_short(size, "bytes", start, len(view) - start)
-        decoded = self._codec.decode(view[start : start + size], known.width, known.height, time_base_ns)
+        codec = self._codec
+        events, triggers, skipped_words, off_sensor = codec.decode(
+            view[start : start + size], width, height, time_base_ns
+        )
         return EventMessage(
             seconds * NS_PER_S + nanoseconds,
-            known.frame_id,
+            frame_id,
             seq,
-            known.encoding,
-            decoded.events,
-            self._codec.is_sensor_time,
-            decoded.triggers,
-            decoded.skipped_words,
-            decoded.off_sensor,
+            encoding,
+            events,
+            codec.is_sensor_time,
+            triggers,
+            skipped_words,
+            off_sensor,
         )
 
     def reset(self) -> None:
@@ -111,7 +116,8 @@ class EventPacketDecoder:
         """Read and check field by field a message that differs from the last one in what they have in common."""
         packet = _read_packet(view, self._layout)
         width, height = checked_size(packet.width, packet.height)
-        _check_time_base(packet.time_base_ns)
+        if packet.time_base_ns > _TIME_BASE_MAX_NS:
+            raise _late_time_base(packet.time_base_ns)
         last = self._known
         if last is None or (last.encoding, last.width, last.height) != (packet.encoding, width, height):
             self._codec = _codec(packet.encoding)
@@ -159,10 +165,8 @@ def _codec(encoding: str) -> WordDecoder:
     return _CODECS[encoding]()
 
 
-def _check_time_base(time_base_ns: int) -> None:
-    if time_base_ns > _TIME_BASE_MAX_NS:
-        msg = f"the EventPacket's time base of {time_base_ns} ns lies after the year 2116: it is no time"
-        raise MessageError(msg)
+def _late_time_base(time_base_ns: int) -> MessageError:
+    return MessageError(f"the EventPacket's time base of {time_base_ns} ns lies after the year 2116: it is no time")
 
 
 def _common_fields(view: memoryview, layout: Layout) -> CommonFields:

@@ -151,7 +151,8 @@ def events_on_sensor(columns: Arrays, count: int, off_sensor: int, width: int, h
     if off_sensor:
         _keep_on_sensor(t, x, y, p, count, width, height)
         count -= off_sensor
-    return Events(t[:count], x[:count], y[:count], p[:count], width, height)
+    first = slice(count)
+    return Events(t[first], x[first], y[first], p[first], width, height)
 
 
 def first_triggers(columns: TriggerColumns, count: int) -> Triggers:
