@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.special import stdtrit
 
 from etd_ros.conversion.frame import ConversionError
 
@@ -90,6 +89,9 @@ def interval_from_statistics(mean: float, std: float, n: int, significance: floa
     if n < 2 or not (math.isfinite(mean) and math.isfinite(std) and std >= 0) or not 0 < significance < 1:
         msg = f"no interval from mean {mean}, std {std}, n {n}, significance {significance}: sample at least two frames"
         raise ConversionError(msg)
+    # Nodes never calibrate, and start sooner without.
+    from scipy.special import stdtrit
+
     half_width = float(stdtrit(n - 1, 1 - significance / 2)) * std / math.sqrt(n)
     return mean - half_width, mean + half_width
 
