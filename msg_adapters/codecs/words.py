@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.buffers import ArrayPool, Arrays
+from etd_ros.buffers import LENGTH_SHORT, ArrayPool, Arrays
 from etd_ros.events import Events
 from msg_adapters.layout import MessageError
 
@@ -121,13 +121,20 @@ class EventPool(ArrayPool):
         self._events_per_word = 1
 
     def reserve_for_words(self, word_count: int) -> Arrays:
-        """Arrays that are long enough for this many words if those have as many events as the words before."""
-        return self.reserve(word_count * self._events_per_word + 1)
+        """Arrays that are long enough for this many words if those have as many events as the words before.
+
+        Many words are not presumed to have more than one event each: then the memory would count, and a kernel that
+        is called again with longer arrays does not.
+        """
+        capacity = word_count * self._events_per_word
+        if capacity > LENGTH_SHORT:
+            capacity = word_count
+        return self.reserve(capacity + 1)
 
     def reserve_more(self, capacity: int, word_count: int) -> Arrays:
         """Arrays of at least `capacity` items, in place of some that were too short for these words."""
         self._events_per_word = -(-capacity // word_count)
-        return self.reserve_for_words(word_count)
+        return self.reserve(capacity)
 
 
 def trigger_columns(capacity: int) -> TriggerColumns:

@@ -4,16 +4,26 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from msg_oracles import event_array, evt3_payload, libcaer_cmp_payload, libcaer_payload, mono_payload, packet, rows_of
+from msg_oracles import (
+    event_array,
+    evt3_payload,
+    libcaer_cmp_payload,
+    libcaer_payload,
+    mono_payload,
+    packet,
+    rows_of,
+    words,
+)
 from numba.core.dispatcher import Dispatcher
 
 import msg_adapters.event_array
 from msg_adapters import Layout, decoder_for
-from msg_adapters.codecs import evt3, libcaer, libcaer_cmp, mono, words
+from msg_adapters.codecs import evt3, libcaer, libcaer_cmp, mono
+from msg_adapters.codecs import words as codec_words
 
 PACKET_TYPE = "event_camera_msgs/msg/EventPacket"
 ARRAY_TYPE = "dvs_msgs/msg/EventArray"
-KERNEL_MODULES = (evt3, libcaer, libcaer_cmp, mono, words, msg_adapters.event_array)
+KERNEL_MODULES = (evt3, libcaer, libcaer_cmp, mono, codec_words, msg_adapters.event_array)
 COLUMN_BYTES_MIN = 10_000
 """The smallest column of the events below is that of the polarities, a byte each."""
 
@@ -90,6 +100,19 @@ def test_a_column_that_is_kept_alone_is_never_overwritten(message_of):
     before = rows.copy()
     decoder.decode(message_of(some_events(2, 500))[2])
     assert (rows == before).all()
+
+
+def test_a_long_message_after_a_dense_one_takes_no_memory_for_events_it_does_not_have():
+    rows_only, masks = words("H", [0x0005] * 1_000_000), words("H", [0x8000, 0x6000, *[0x4FFF] * 1000])
+    decoder = decoder_for(PACKET_TYPE, Layout.ROS2)
+    decoder.decode(packet(masks, encoding="evt3"))
+    message = packet(rows_only, encoding="evt3")
+    tracemalloc.start()
+    decoder.decode(message)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    item_bytes = 13
+    assert peak < 1.3 * 1_000_000 * item_bytes
 
 
 @EVERY_ENCODING
