@@ -45,7 +45,7 @@ class AtsltdConfig(Parameters):
         "Where NZGE is measured: over the whole sensor (paper), or over the targets' search regions once there are any",
         choices=(ENTROPY_SENSOR, ENTROPY_TARGETS),
     )
-    check_stride: int = parameter(50, "Distance of the checks of NZGE (events): the largest delay", low=1, high=10_000)
+    check_stride: int = parameter(50, "Distance of the checks of NZGE (events)", low=1, high=10_000)
 
     def __post_init__(self) -> None:
         super().__post_init__()
