@@ -83,7 +83,7 @@ def recorded_wire(what: str, name: str, folder: Path, events_min: int) -> Wire |
 
 
 def decoding(wire: Wire, rounds: int) -> Iterator[Row]:
-    """Decoding to arrays, message by message, and evt3 also in one block."""
+    """Decoding to arrays, message by message; evt3 also its words alone, as its peers do, and in one block."""
     batches = wire.decoded()
     counts = [len(events) for events in batches]
     stream, units = Stream(wire.name, batches[0]), sum(counts)
@@ -91,13 +91,16 @@ def decoding(wire: Wire, rounds: int) -> Iterator[Row]:
     ours = subjects.decoding(wire.messages, wire.type_name, wire.layout, units)
     if wire.what == "evt3":
         payloads = [packet_content(message)[1] for message in wire.messages]
-        yield from rows("evt3", stream, ours, peers.evt3_message_decoders(payloads, size, units), rounds)
+        others = peers.evt3_message_decoders(payloads, size, units)
+        yield from rows("evt3", stream, ours, others, rounds)
+        words = replace(stream, name=f"{wire.name}, words")
+        yield from rows("evt3", words, subjects.evt3_words(payloads, size, units), others, rounds)
         block = b"".join(payloads)
         message = event_packet(stream.events, "evt3", block, 0)
         ours = subjects.decoding([message], wire.type_name, wire.layout, units)
         stream = replace(stream, name=f"{wire.name}, one block")
-        with peers.evt3_block_decoders(block, size, units) as others:
-            yield from rows("evt3", stream, ours, others, rounds)
+        with peers.evt3_block_decoders(block, size, units) as block_decoders:
+            yield from rows("evt3", stream, ours, block_decoders, rounds)
     elif wire.what == "libcaer_cmp":
         yield from rows(wire.what, stream, ours, [], rounds)
     else:

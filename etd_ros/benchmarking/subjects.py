@@ -20,6 +20,7 @@ from etd_ros.conversion import (
 from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter
 from msg_adapters import Layout, decoder_for
+from msg_adapters.codecs import Evt3Decoder
 
 NOISE_WINDOW_S = 0.002
 FRAME_NS_MIN = 1000
@@ -70,6 +71,14 @@ def decoding(messages: Sequence[bytes], type_name: str, layout: Layout, units: i
     """Decoding of messages of events, `units` in all."""
     decoder = decoder_for(type_name, layout)
     return replace(_each("decoding", decoder.decode, messages, decoder.reset), units=units)
+
+
+def evt3_words(payloads: Sequence[bytes], size: tuple[int, int], units: int) -> Subject:
+    """Decoding of the words of evt3 alone, message by message, `units` events in all."""
+    decoder = Evt3Decoder()
+    return replace(
+        _each("evt3 words", lambda payload: decoder.decode(payload, *size), payloads, decoder.reset), units=units
+    )
 
 
 def _each(name: str, work: Callable[[Any], object], messages: Sequence[Any], reset: Callable[[], object]) -> Subject:

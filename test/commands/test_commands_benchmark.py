@@ -43,6 +43,7 @@ def test_recordings_are_measured_where_they_are_found(figures):
         ("conversion", "traffic"),
         ("conversion", "driver evt3"),
         ("evt3", "driver evt3"),
+        ("evt3", "driver evt3, words"),
         ("evt3", "driver evt3, one block"),
         ("libcaer_cmp", "driver libcaer_cmp"),
         ("event_array_ros1", "slider_depth"),
