@@ -89,15 +89,6 @@ def histogram_nzge(data, cell_size=4, log_base=256.0):
     return sum(not_zero) / len(not_zero) if not_zero else 0.0
 
 
-def channel_levels(data, cell_size=4):
-    """The levels of each cell's two channels, cells row by row."""
-    data = filled_up(data, cell_size)
-    for top in range(0, data.shape[0], cell_size):
-        for left in range(0, data.shape[1], cell_size):
-            cell = data[top : top + cell_size, left : left + cell_size]
-            yield cell[:, :, 0].ravel(), cell[:, :, 1].ravel()
-
-
 def entropy(counts):
     shares = np.asarray([count for count in counts if count]) / sum(counts)
     return float(-(shares * np.log(shares)).sum() / np.log(256))
@@ -108,18 +99,30 @@ def channel_entropy(events, pixels=16):
     return entropy([1] * int(events) + [pixels - int(events)])
 
 
-def distinct_levels_sums(data, sample_step=8):
-    """Cells with events; their channels' entropies as if levels were distinct; what a sample of cells lacks of that."""
-    touched, total, lost = 0, 0.0, 0.0
-    for index, channels in enumerate(channel_levels(data)):
-        touched += any(levels.any() for levels in channels)
-        for levels in channels:
-            events = int(np.count_nonzero(levels))
-            distinct = entropy([1] * events + [len(levels) - events])
-            total += distinct
-            if index % sample_step == 0:
-                lost += distinct - entropy(np.bincount(levels))
-    return touched, total, lost
+CHANNEL_ENTROPIES = np.array([channel_entropy(events) for events in range(17)])
+
+
+def channel_levels(data, cell_size=4):
+    """The levels of each cell's two channels: (cells, 2, pixels), cells row by row."""
+    data = filled_up(data, cell_size)
+    rows, columns = data.shape[0] // cell_size, data.shape[1] // cell_size
+    cells = data.reshape(rows, cell_size, columns, cell_size, 2).transpose(0, 2, 4, 1, 3)
+    return cells.reshape(rows * columns, 2, cell_size * cell_size)
+
+
+def distinct_levels_sums(data):
+    """Number of cells with events, and the sum of their channels' entropies as if all levels were distinct."""
+    counts = np.count_nonzero(channel_levels(data), axis=2)
+    return int(counts.any(axis=1).sum()), float(CHANNEL_ENTROPIES[counts].sum())
+
+
+def sampled_loss(data, step=8):
+    """What the channels of every step-th cell lack of the entropy of distinct levels."""
+    return sum(
+        channel_entropy(np.count_nonzero(levels)) - entropy(np.bincount(levels))
+        for channels in channel_levels(data)[::step]
+        for levels in channels
+    )
 
 
 def literal_atsltd(events, *, alpha, max_duration_ns, stride):
@@ -142,10 +145,10 @@ def literal_atsltd(events, *, alpha, max_duration_ns, stride):
         if t == start:
             continue
         data = closed_form(events[first : i + 1], start, t)
-        touched, total, lost = distinct_levels_sums(data)
+        touched, total = distinct_levels_sums(data)
         bound = total / 2 / touched
         if not sampled and bound >= alpha * (1 - 1e-9) and touched >= 256:
-            ratio, sampled = 1 - 0.9 * 8 * lost / total, True
+            ratio, sampled = 1 - 0.9 * 8 * sampled_loss(data) / total, True
         if bound * ratio < alpha * (1 - 1e-9):
             continue
         exact = histogram_nzge(data)

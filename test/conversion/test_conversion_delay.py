@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conversion_oracles import DATA, channel_entropy, first_events, slider_depth_events
+from conversion_oracles import CHANNEL_ENTROPIES, DATA, first_events, slider_depth_events
 
 from etd_ros.conversion import PAPER_INTERVAL, AtsltdConfig, AtsltdConverter, FrameEnd, nzge
 
@@ -10,9 +10,6 @@ ALPHA = PAPER_INTERVAL[0]
 STRIDE = AtsltdConfig().check_stride
 DELAY_MAX = 300
 """Events; docs/conversion.md has the largest delay of each recording."""
-
-
-ENTROPIES = np.array([channel_entropy(events) for events in range(17)])
 
 
 class PlainFrame:
@@ -28,7 +25,7 @@ class PlainFrame:
         if self.last[y, x, 1 - p] < 0:
             counts = self.counts[y // 4, x // 4]
             self.touched += not counts.any()
-            self.entropy += ENTROPIES[counts[1 - p] + 1] - ENTROPIES[counts[1 - p]]
+            self.entropy += CHANNEL_ENTROPIES[counts[1 - p] + 1] - CHANNEL_ENTROPIES[counts[1 - p]]
             counts[1 - p] += 1
         self.last[y, x, 1 - p] = t - self.start_ns
 
@@ -64,7 +61,7 @@ def delays(events, every, limit):
 @pytest.mark.parametrize(
     ("load", "every", "limit"),
     [
-        (lambda: slider_depth_events(40), 4, 8),
+        (lambda: slider_depth_events(60), 3, 16),
         (lambda: first_events(DATA / "traffic" / "traffic.mcap", 60_000), 10, 10),
         (lambda: first_events(DATA / "drivers" / "libcaer_cmp_346x260", 300_000), 3, 8),
     ],
