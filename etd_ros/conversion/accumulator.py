@@ -48,7 +48,7 @@ class FrameAccumulator:
         self.data = self._empty_data()
         self.start_ns = 0
         self._cell_size = cell_size
-        self._counted_boxes: Sequence[Box] | None = None
+        self._counted_boxes: tuple[Box, ...] | None = None
         self._previous_ns: int | None = None
 
     @property
@@ -71,9 +71,10 @@ class FrameAccumulator:
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
-        if boxes != self._counted_boxes:
-            self.cells = count_in(self.cells, boxes, self._cell_size)
-            self._counted_boxes = boxes
+        wanted = None if boxes is None else tuple(boxes)
+        if wanted != self._counted_boxes:
+            self.cells = count_in(self.cells, wanted, self._cell_size)
+            self._counted_boxes = wanted
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""

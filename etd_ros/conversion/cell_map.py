@@ -35,8 +35,8 @@ BLOCK_EVENTS = 512
 LISTED = 4
 """Numbers that the readout's list holds of a tile."""
 
-ENTROPY_ONE = 1 << 40
-"""Unit of running sums of entropies: integers, so that sums do not depend on how they were added up."""
+SAMPLE_STEP = 8
+"""One cell in so many is in the sample."""
 
 
 class CellMap(NamedTuple):
@@ -49,8 +49,12 @@ class CellMap(NamedTuple):
         words: uint32, (T,): the bits.
         tile_byte, slot_byte: uint32, (T,) and (32,): a slot's byte in the frame's data is the sum of the two.
         tile_shift: T = C 2^tile_shift.
-        is_counted: bool, (C,), counted: uint32: the cells in which the entropy is measured.
-        entropy: int64, (m + 1,): entropy of a channel of which c pixels have events of distinct levels (ENTROPY_ONE).
+        is_counted: bool, (C,): whether the entropy is measured in a cell.
+        is_plain: whether it is in all of them, and each has one tile: then `counts` is not used, as the words tell.
+        counts: uint32, (2 C,): pixels with events of a cell's On and Off channel.
+        sample, sample_scale: uint32: the tiles of about one cell in eight that counts, and how many it stands for.
+        entropy: int64, (m + 2,): entropy of a channel of which c pixels have events of distinct levels, in units of
+            1 / entropy_one: sums of integers do not depend on how they were added up.
         loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
         columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
         touched_tiles: uint32, (T + 1,): the tiles with events in the order in which they got the first one.
@@ -66,8 +70,12 @@ class CellMap(NamedTuple):
     slot_byte: npt.NDArray[np.uint32]
     tile_shift: int
     is_counted: npt.NDArray[np.bool_]
-    counted: npt.NDArray[np.uint32]
+    is_plain: bool
+    counts: npt.NDArray[np.uint32]
+    sample: npt.NDArray[np.uint32]
+    sample_scale: float
     entropy: npt.NDArray[np.int64]
+    entropy_one: float
     loss: FloatArray
     columns: int
     touched_tiles: npt.NDArray[np.uint32]
@@ -92,7 +100,10 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     top = cell // columns * cell_size + tile // side * TILE_SIDE
     left = cell % columns * cell_size + tile % side * TILE_SIDE
     channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
-    entropy, loss = _entropy_tables(cell_size, log_base)
+    entropy, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
+    is_counted = np.ones(rows * columns, np.bool_)
+    tile_shift = 2 * (side.bit_length() - 1)
+    sample, sample_scale = _sample(is_counted, tile_shift)
     return CellMap(
         row_slot=(tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE).astype(np.uint32),
         column_slot=(tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE).astype(np.uint32),
@@ -100,10 +111,14 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
         words=np.zeros(len(tile), np.uint32),
         tile_byte=((top * width + left) * 2).astype(np.uint32),
         slot_byte=((row * width + column) * 2 + channel).astype(np.uint32),
-        tile_shift=2 * (side.bit_length() - 1),
-        is_counted=np.ones(rows * columns, np.bool_),
-        counted=np.arange(rows * columns, dtype=np.uint32),
+        tile_shift=tile_shift,
+        is_counted=is_counted,
+        is_plain=tile_shift == 0,
+        counts=np.zeros(2 * rows * columns, np.uint32),
+        sample=sample,
+        sample_scale=sample_scale,
         entropy=entropy,
+        entropy_one=entropy_one,
         loss=loss,
         columns=columns if cell_size == TILE_SIDE else 0,
         touched_tiles=np.zeros(len(tile) + 1, np.uint32),
@@ -113,21 +128,41 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     )
 
 
-def _entropy_tables(cell_size: int, log_base: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
-    """`CellMap.entropy` and `loss`: a level that c of m pixels share takes (c ln c) / m from the entropy ln m."""
+def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.NDArray[np.int64], FloatArray, float]:
+    """`CellMap.entropy`, `loss` and `entropy_one`: a level that c of m pixels share takes (c ln c) / m from ln m."""
     c_log_c = count_log_counts(cell_size) / (cell_size * cell_size) / math.log(log_base)
-    # The pixels without events share level 0.
+    # The pixels without events share level 0. As fine as the sum over all channels fits 63 bits.
     entropy = c_log_c[-1] - c_log_c[::-1]
-    return np.rint(entropy * ENTROPY_ONE).astype(np.int64), np.append(np.diff(c_log_c), 0.0)
+    entropy_one = 2.0 ** min(40, math.floor(62 - math.log2(2 * cells * entropy[-1])))
+    whole = np.rint(entropy * entropy_one).astype(np.int64)
+    return np.append(whole, whole[-1]), np.append(np.diff(c_log_c), 0.0), entropy_one
+
+
+def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
+    """`CellMap.sample` and `sample_scale`; strewn by a hash of the cells' numbers, so that no pattern fits it."""
+    counted = np.flatnonzero(is_counted).astype(np.uint64)
+    cells = counted[(counted * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)]
+    tiles = (cells[:, None] << np.uint64(tile_shift)) + np.arange(1 << tile_shift, dtype=np.uint64)
+    return tiles.ravel().astype(np.uint32), len(counted) / max(1, len(cells))
 
 
 def count_in(cells: CellMap, boxes: Iterable[Box] | None, cell_size: int) -> CellMap:
-    """The map with the entropy measured in the cells that have a pixel in one of the boxes; None is everywhere."""
+    """The map, which must be empty, with the entropy measured in the cells that have a pixel in one of the boxes.
+
+    Args:
+        cells: the map.
+        boxes: pixels, which may lie off the sensor; None: measure everywhere.
+        cell_size: r (pixels).
+    """
     height, width = len(cells.row_slot), len(cells.column_slot)
     rows, columns = -(-height // cell_size), -(-width // cell_size)
     inside = np.full((rows, columns), boxes is None)
     for box in boxes or ():
         left, right = (int(np.clip(edge, 0, width)) for edge in (math.floor(box.x), math.ceil(box.x + box.w)))
         top, bottom = (int(np.clip(edge, 0, height)) for edge in (math.floor(box.y), math.ceil(box.y + box.h)))
-        inside[top // cell_size : -(-bottom // cell_size), left // cell_size : -(-right // cell_size)] = True
-    return cells._replace(is_counted=inside.ravel(), counted=np.flatnonzero(inside).astype(np.uint32))
+        if left < right and top < bottom:
+            inside[top // cell_size : -(-bottom // cell_size), left // cell_size : -(-right // cell_size)] = True
+    is_counted = inside.ravel()
+    sample, sample_scale = _sample(is_counted, cells.tile_shift)
+    is_plain = cells.tile_shift == 0 and bool(is_counted.all())
+    return cells._replace(is_counted=is_counted, is_plain=is_plain, sample=sample, sample_scale=sample_scale)

@@ -12,13 +12,13 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.conversion.bits import count_bits, lowest_bit
-from etd_ros.conversion.cell_map import ENTROPY_ONE, LISTED, CellMap
+from etd_ros.conversion.cell_map import LISTED, CellMap
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
 
-SAMPLE_STEP = 8
-"""One cell in so many is looked at where the exact value is not worth its time yet."""
+GROWTH_MAX = 8
+"""Where NZGE may have reached alpha, a frame does not grow by more than one in so many of its events without a look."""
 
 SAMPLE_CELLS_MIN = 256
 """Cells with events from which on a sample pays."""
@@ -38,22 +38,25 @@ HALF_UP = 0.5 + 1e-10
 STATE_DTYPE = np.dtype(
     [
         ("events", "<i8"),
-        ("entropy", "<i8"),
         ("touched", "<i8"),
+        ("counted", "<i8"),
+        ("entropy", "<i8"),
         ("next", "<i8"),
-        ("exact_per_bound", "<f8"),
-        ("sampled", "?"),
+        ("looked", "<i8"),
+        ("lost", "<f8"),
+        ("without_entropy", "<f8"),
         ("failed", "<i8"),
     ]
 )
 """Where an unfinished frame stands.
 
-Its events; over the whole sensor, the sum of the channels' entropies as if all levels were distinct and the number of
-tiles with events; the number of the event at which to look at NZGE next; NZGE by its bound as last seen, 1 before;
-whether a sample has told it; exact checks that found less than alpha.
+Its events; tiles with events; of the cells that count, those with events, and the sum of their channels' entropies as
+if all levels were distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample
+or an exact check: its event (0: none yet), what the sum had lost, and the cells that had events but no entropy. Exact
+checks that found less than alpha.
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 1.0, False, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0)
 
 BYTE, STAMP, WORD = 1, 2, 3
 """What follows a listed tile's first slot: its corner's byte in the frame's data, its cell's stamp, its word."""
@@ -84,7 +87,10 @@ def add_events(
             _compute_slots(cells, x, y, p, _U64(first), _U64(number))
         else:
             _look_up_slots(cells, x, y, p, _U64(first), _U64(number))
-        _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+        if cells.is_plain:
+            _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+        else:
+            _mark_and_count_slots(cells, state, t, _U64(first), _U64(number), start_ns)
         first += number
 
 
@@ -148,6 +154,42 @@ def _mark_slots(
         touched += _U64(before == _U32(0))
     state[0].entropy += gained
     state[0].touched = np.int64(touched)
+    state[0].counted = np.int64(touched)
+
+
+@njit(cache=True, nogil=True)
+def _mark_and_count_slots(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    first: np.uint64,
+    number: np.uint64,
+    start_ns: int,
+) -> None:
+    """The same where some cells do not count, or a cell has several tiles."""
+    slots, last, words, entropy = cells.slots, cells.last, cells.words, cells.entropy
+    touched_tiles, counts, is_counted = cells.touched_tiles, cells.counts, cells.is_counted
+    gained, counted, touched = np.int64(0), np.int64(0), _U64(state[0].touched)
+    for k in range(number):
+        slot = slots[k]
+        last[slot] = t[first + k] - start_ns
+        tile = slot >> _U32(5)
+        before = words[tile]
+        after = _U32(before | (_U32(1) << (slot & _U32(31))))
+        words[tile] = after
+        touched_tiles[touched] = tile
+        touched += _U64(before == _U32(0))
+        is_new = _U32(after != before)
+        cell = tile >> _U64(cells.tile_shift)
+        channel = (cell << _U64(1)) | ((slot >> _U32(4)) & _U32(1))
+        count = counts[channel]
+        counted_new = np.int64(is_new) & np.int64(is_counted[cell])
+        gained += (entropy[count + _U32(1)] - entropy[count]) & -counted_new
+        counted += counted_new & np.int64((count | counts[channel ^ _U64(1)]) == 0)
+        counts[channel] = count + is_new
+    state[0].entropy += gained
+    state[0].touched = np.int64(touched)
+    state[0].counted += counted
 
 
 @njit(cache=True, nogil=True)
@@ -179,17 +221,29 @@ def finish(
 @njit(cache=True, nogil=True)
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
-    entropy, touched = _sum_entropies(cells, state)
-    lost, without_entropy = _write_levels(cells, state, duration_ns, 1, data)
-    not_zero = touched - without_entropy
-    return (entropy / ENTROPY_ONE - lost) / 2 / not_zero if not_zero else 0.0
+    lost, without_entropy = _write_levels(cells, state, duration_ns, False, data)
+    state[0].looked = state[0].events
+    state[0].lost = lost * cells.entropy_one
+    state[0].without_entropy = without_entropy
+    not_zero = state[0].counted - without_entropy
+    return (state[0].entropy / cells.entropy_one - lost) / 2 / not_zero if not_zero else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
+    """Note what a sample of the cells has lost. What it writes into the data is overwritten when the frame ends."""
+    lost, without_entropy = _write_levels(cells, state, duration_ns, True, data)
+    scale = SAMPLE_TRUST * cells.sample_scale
+    state[0].looked = state[0].events
+    state[0].lost = lost * scale * cells.entropy_one
+    state[0].without_entropy = without_entropy * scale
 
 
 @njit(cache=True, nogil=True)
 def _write_levels(
-    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, step: int, data: npt.NDArray[np.uint8]
+    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
-    """Write the levels of every step-th tile's pixels with events.
+    """Write the levels of the pixels with events, of all tiles or those of the sample.
 
     A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
 
@@ -199,7 +253,7 @@ def _write_levels(
     """
     last, seen, listed, slot_byte = cells.last, cells.seen, cells.listed, cells.slot_byte
     slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
-    pixels = _list_tiles(cells, state, step)
+    pixels = _list_tiles(cells, state, of_sample)
     # A level has been seen c times in its cell and channel if its mark is the cell's stamp + c; stamps only grow.
     seen[:] = 0
     lost, without_entropy, uniform_cell = 0.0, 0, np.int64(-1)
@@ -233,20 +287,20 @@ def _write_levels(
 
 
 @njit(cache=True, nogil=True)
-def _list_tiles(cells: CellMap, state: npt.NDArray[np.void], step: int) -> int:
-    """List every step-th tile that has events in the map's scratch; return its pixels with events."""
+def _list_tiles(cells: CellMap, state: npt.NDArray[np.void], of_sample: bool) -> int:
+    """List the tiles that have events, all or the sample's, in the map's scratch; return their pixels with events."""
     words, listed = cells.words, cells.listed
     end, pixels = _U64(0), np.int64(0)
     stamp_step = _U32(len(cells.loss))
-    if step == 1 and cells.tile_shift == 0 and state[0].touched * SPARSE_TILES < len(words):
+    if not of_sample and cells.tile_shift == 0 and state[0].touched * SPARSE_TILES < len(words):
         # Few tiles have events: they come one by one, in the order in which they were touched.
         for k in range(_U64(state[0].touched)):
             _list_tile(cells, _U64(cells.touched_tiles[k]), _U32(_U32(k + _U64(1)) * stamp_step), end)
             pixels += np.int64(count_bits(words[cells.touched_tiles[k]]))
             end += _U64(LISTED)
     else:
-        for index in range(0, len(words), step):
-            tile = _U64(index)
+        for index in range(len(cells.sample) if of_sample else len(words)):
+            tile = _U64(cells.sample[index]) if of_sample else _U64(index)
             cell = tile >> _U64(cells.tile_shift)
             _list_tile(cells, tile, _U32(_U32(cell + _U64(1)) * stamp_step), end)
             pixels += np.int64(count_bits(words[tile]))
@@ -267,16 +321,24 @@ def _list_tile(cells: CellMap, tile: np.uint64, stamp: np.uint32, at: np.uint64)
 @njit(cache=True, nogil=True)
 def clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     """Forget the frame's events."""
+    touched = _U64(state[0].touched)
+    if not cells.is_plain:
+        for k in range(touched):
+            cell = _U64(cells.touched_tiles[k]) >> _U64(cells.tile_shift)
+            cells.counts[cell << _U64(1)] = 0
+            cells.counts[(cell << _U64(1)) | _U64(1)] = 0
     if state[0].touched * SPARSE_TILES < len(cells.words):
-        for k in range(_U64(state[0].touched)):
+        for k in range(touched):
             cells.words[cells.touched_tiles[k]] = 0
     else:
         cells.words[:] = 0
     state[0].events = 0
-    state[0].entropy = 0
     state[0].touched = 0
-    state[0].exact_per_bound = 1.0
-    state[0].sampled = False
+    state[0].counted = 0
+    state[0].entropy = 0
+    state[0].looked = 0
+    state[0].lost = 0.0
+    state[0].without_entropy = 0.0
     state[0].failed = 0
 
 
@@ -288,26 +350,6 @@ def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
     for tile in range(cell << _U64(cells.tile_shift), (cell + _U64(1)) << _U64(cells.tile_shift)):
         held = _U32(held | (cells.words[tile] & channel))
     return bool(held == _U32(0))
-
-
-@njit(cache=True, nogil=True)
-def _sum_entropies(cells: CellMap, state: npt.NDArray[np.void]) -> tuple[np.int64, int]:
-    """Over the cells that count: the channels' entropies as if all levels were distinct, and the cells with events.
-
-    Where all cells count and have one tile each, the running sums are these.
-    """
-    if len(cells.counted) == len(cells.words):
-        return state[0].entropy, state[0].touched
-    entropy, touched = np.int64(0), 0
-    for index in cells.counted:
-        cell = _U64(index)
-        on, off = _U32(0), _U32(0)
-        for tile in range(cell << _U64(cells.tile_shift), (cell + _U64(1)) << _U64(cells.tile_shift)):
-            on = _U32(on + count_bits(_U32(cells.words[tile] & _U32(0xFFFF))))
-            off = _U32(off + count_bits(_U32(cells.words[tile] >> _U32(16))))
-        entropy += cells.entropy[on] + cells.entropy[off]
-        touched += (on | off) != 0
-    return entropy, touched
 
 
 @njit(cache=True, nogil=True)
@@ -351,7 +393,7 @@ def advance(
                 events = state[0].events
                 clear(cells, state)
                 return i, nzge, events
-            strides = _fail(cells, state, nzge)
+            strides = _fail(state, check_stride)
         state[0].next += strides * check_stride
 
 
@@ -364,25 +406,31 @@ def _strides_below(
     duration_ns: int,
     data: npt.NDArray[np.uint8],
 ) -> int:
-    """For how many strides from now NZGE will hardly reach alpha; 0 if it may have reached it."""
-    entropy, touched = _sum_entropies(cells, state)
-    wanted = 2 * touched * alpha * ENTROPY_ONE * (1 - MARGIN)
-    if touched and not state[0].sampled and entropy >= wanted and touched >= SAMPLE_CELLS_MIN:
-        lost, _ = _write_levels(cells, state, duration_ns, SAMPLE_STEP, data)
-        lost *= SAMPLE_TRUST * SAMPLE_STEP * ENTROPY_ONE
-        state[0].exact_per_bound = 1 - lost / entropy
-        state[0].sampled = True
-    missing = wanted - entropy * state[0].exact_per_bound
-    if touched and missing <= 0:
-        return 0
+    """For how many strides from now NZGE cannot or will hardly reach alpha; 0 if it may have reached it."""
+    if state[0].counted == 0:
+        return 1
     # No event adds more than the first one of a channel.
-    return max(1, int(missing / (cells.entropy[1] * check_stride)))
+    gain_max = cells.entropy[1] * check_stride
+    per_cell = 2 * alpha * cells.entropy_one * (1 - MARGIN)
+    missing = state[0].counted * per_cell - state[0].entropy
+    # A cell without entropy would raise the mean by leaving it, if it adds less than the mean; it has a full channel.
+    is_bound = per_cell <= cells.entropy[-1]
+    if is_bound and missing > 0:
+        return max(1, int(missing / gain_max))
+    if state[0].looked == 0:
+        if state[0].counted < SAMPLE_CELLS_MIN:
+            return 0
+        _look_at_sample(cells, state, duration_ns, data)
+    missing = (state[0].counted - state[0].without_entropy) * per_cell - (state[0].entropy - state[0].lost)
+    room = state[0].looked + state[0].looked // GROWTH_MAX - state[0].events
+    if missing <= 0 or room <= 0:
+        return 0
+    return max(1, int(min(missing / gain_max, room / check_stride)))
 
 
 @njit(cache=True, nogil=True)
-def _fail(cells: CellMap, state: npt.NDArray[np.void], nzge: float) -> int:
+def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     """Note an exact check that found less than alpha; strides to the next one."""
-    entropy, touched = _sum_entropies(cells, state)
-    state[0].exact_per_bound = nzge * 2 * touched * ENTROPY_ONE / entropy
     state[0].failed += 1
-    return int(1 << min(max(int(state[0].failed) - CHECKS_AT_STRIDE, 0), 30))
+    doubled = 1 << min(max(int(state[0].failed) - CHECKS_AT_STRIDE, 0), 30)
+    return max(1, min(doubled, int(state[0].events) // (GROWTH_MAX * check_stride)))

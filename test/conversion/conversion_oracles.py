@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag1 import Reader
 
+from etd_ros.conversion import nzge
 from etd_ros.events import Events, concatenate
 from etd_ros.recordings import open_recording
 
@@ -116,50 +117,79 @@ def distinct_levels_sums(data):
     return int(counts.any(axis=1).sum()), float(CHANNEL_ENTROPIES[counts].sum())
 
 
-def sampled_loss(data, step=8):
-    """What the channels of every step-th cell lack of the entropy of distinct levels."""
-    return sum(
-        channel_entropy(np.count_nonzero(levels)) - entropy(np.bincount(levels))
-        for channels in channel_levels(data)[::step]
-        for levels in channels
-    )
+def losses(data, *, of_sample):
+    """What channels lack of the entropy of distinct levels, and the cells with events but without entropy."""
+    lost, without_entropy = 0.0, 0
+    for index, channels in enumerate(channel_levels(data)):
+        if of_sample and index * 2654435761 % 2**32 >= 2**29:
+            continue
+        exact = [entropy(np.bincount(levels)) for levels in channels]
+        lost += sum(channel_entropy(np.count_nonzero(levels)) for levels in channels) - sum(exact)
+        without_entropy += bool(channels.any()) and max(exact) < 1e-12
+    return lost, without_entropy
+
+
+def sample_scale(data):
+    cells = len(channel_levels(data))
+    return cells / sum(index * 2654435761 % 2**32 < 2**29 for index in range(cells))
 
 
 def literal_atsltd(events, *, alpha, max_duration_ns, stride):
-    """Frames as (start, stamp, events, end) by AtsltdConverter's definition, event by event."""
+    """Frames as (start, stamp, events, end) by AtsltdConverter's rules, event by event."""
     frames = []
     start, first = int(events.t[0]), 0
-    ratio, sampled, failed, next_check = 1.0, False, 0, stride
+    fresh = (0, 0.0, 0.0, 0, stride)
+    looked, lost, without, failed, next_check = fresh
+    wanted = 2 * alpha * (1 - 1e-9)
     for i, t in enumerate(events.t.tolist()):
         limit = start + max_duration_ns
         if t > limit:
             if i > first:
                 frames.append((start, limit, i - first, "time_limit"))
             start = t if t > limit + max_duration_ns else limit
-            first, ratio, sampled, failed, next_check = i, 1.0, False, 0, stride
+            first = i
+            looked, lost, without, failed, next_check = fresh
             # The event may still come after the limit of the frame that it begins.
             assert t <= start + max_duration_ns
-        if i + 1 - first != next_check:
+        n = i + 1 - first
+        if n != next_check:
             continue
         next_check += stride
         if t == start:
             continue
         data = closed_form(events[first : i + 1], start, t)
         touched, total = distinct_levels_sums(data)
-        bound = total / 2 / touched
-        if not sampled and bound >= alpha * (1 - 1e-9) and touched >= 256:
-            ratio, sampled = 1 - 0.9 * 8 * sampled_loss(data) / total, True
-        if bound * ratio < alpha * (1 - 1e-9):
+        if wanted <= CHANNEL_ENTROPIES[-1] and total < touched * wanted:
             continue
-        exact = histogram_nzge(data)
-        if exact >= alpha:
-            frames.append((start, t, i + 1 - first, "nzge"))
-            start, first, ratio, sampled, failed, next_check = t, i + 1, 1.0, False, 0, stride
+        if not looked and touched >= 256:
+            lost, without = (0.9 * sample_scale(data) * value for value in losses(data, of_sample=True))
+            looked = n
+        if looked and total - lost < (touched - without) * wanted and n < looked + looked // 8:
             continue
-        ratio, failed = exact / bound, failed + 1
-        if failed > 8:
-            next_check += stride * (2 ** (failed - 8) - 1)
+        if histogram_nzge(data) >= alpha:
+            frames.append((start, t, n, "nzge"))
+            start, first = t, i + 1
+            looked, lost, without, failed, next_check = fresh
+            continue
+        looked, (lost, without), failed = n, losses(data, of_sample=False), failed + 1
+        next_check += stride * (max(1, min(2 ** max(failed - 8, 0), n // (8 * stride))) - 1)
     return frames
+
+
+def first_check_that_reaches(events, *, alpha, stride):
+    """The number of events of the first frame by the plain definition: checks at every stride, and nothing else."""
+    for n in range(stride, len(events) + 1, stride):
+        if events.t[n - 1] > events.t[0] and nzge(levels_of(events[:n])) >= alpha:
+            return n
+    return None
+
+
+def levels_of(events):
+    """Frame data of all events, quickly: `closed_form` in whole numbers."""
+    data = np.zeros((events.height, events.width, 2), np.uint8)
+    since, duration = events.t - events.t[0], int(events.t[-1] - events.t[0])
+    data[events.y, events.x, 1 - events.p.astype(int)] = np.maximum(1, (510 * since + duration) // (2 * duration))
+    return data
 
 
 def cut(events, cuts):

@@ -4,6 +4,7 @@ from conversion_oracles import (
     assert_same_frames,
     closed_form,
     cut,
+    first_check_that_reaches,
     frames_of,
     histogram_nzge,
     literal_atsltd,
@@ -130,6 +131,45 @@ def test_cells_full_of_one_level_do_not_count():
         frame = frame_at_end(events)
         assert frame.nzge == pytest.approx(histogram_nzge(frame.data), abs=1e-12)
         assert frame.nzge == pytest.approx(nzge(frame.data), abs=1e-12)
+
+
+def with_flash(events, lit, seed=0):
+    """Events after all pixels of `lit` have had one at the same time."""
+    y, x = np.nonzero(lit)
+    n = len(x)
+    first_ns = int(events.t[0]) - 1000
+    return make_events(
+        np.concatenate([np.full(n, first_ns), events.t]),
+        np.concatenate([x, events.x]),
+        np.concatenate([y, events.y]),
+        np.concatenate([np.ones(n, int), events.p]),
+        events.width,
+        events.height,
+    )
+
+
+def lit_part(kind, width, height):
+    lit = np.zeros((height, width), bool)
+    if kind == "panel":
+        lit[: height // 6] = True
+    elif kind == "stripes":
+        lit[:, ::32] = lit[:, 1::32] = lit[:, 2::32] = lit[:, 3::32] = True
+    elif kind == "one cell":
+        lit[:4, :4] = True
+    return lit
+
+
+@pytest.mark.parametrize("kind", ["nothing", "panel", "stripes", "one cell"])
+@pytest.mark.parametrize("alpha", [0.02, 0.0832, 0.2, 0.26, 0.35])
+def test_frames_end_within_an_eighth_of_their_events_of_the_definition_whatever_flashes(kind, alpha):
+    events = with_flash(random_events(11, 60_000, 160, 96, 20 * MS), lit_part(kind, 160, 96))
+    config = AtsltdConfig(nzge_interval=(alpha, 1.0), max_duration_s=1.0)
+    plain = first_check_that_reaches(events, alpha=alpha, stride=50)
+    frame = next(AtsltdConverter(160, 96, config).convert(events), None)
+    if plain is None:
+        assert frame is None
+    else:
+        assert plain <= frame.events <= plain * 9 / 8 + 2 * 50
 
 
 def test_exact_halves_are_rounded_up():
