@@ -64,12 +64,16 @@ class AtsltdConverter(AccumulatingConverter):
     batches do not matter, and are left out where they cannot or will hardly succeed:
 
     - where a bound of NZGE is below alpha: no cell has more entropy than with distinct grey levels (paper equation 4),
-      which its number of event pixels tells, and that is counted as the events come;
-    - where the bound, scaled by the ratio of exact value to bound that was last seen in this frame, is below alpha: a
-      prediction, at first from a sample of the cells, then from the checks that have failed. Where the ratio rises, the
-      frame ends some strides later (docs/conversion.md: how many, measured);
-    - from the ninth check of one frame on the distance doubles: a frame whose NZGE stays just below alpha (one flash of
-      the whole sensor) costs no more than a few readouts.
+      which its number of event pixels tells, and that is counted as the events come. It holds for alpha up to half of
+      what a full channel can have, 0.25 for the defaults; for a larger alpha it is not used;
+    - where the bound less what equal levels had cost it at the last look at levels of this frame (at first in a sample
+      of the cells, then in the check that failed) is below alpha. That is a prediction, so there is an exact check
+      anyway when the frame has grown by an eighth of its events since that look;
+    - from the ninth failed check of a frame on the distance doubles, up to that eighth: a frame whose NZGE stays just
+      below alpha costs no more than a few readouts.
+
+    So while NZGE stays at alpha or above, a frame ends at most an eighth of its events and one stride late
+    (docs/conversion.md: how late, measured).
 
     Where `regions` names boxes, NZGE is measured in the cells that have a pixel in one of them, and a small target in
     a quiet scene ends frames as a busy background does not. It is asked once, before a frame's first event.
