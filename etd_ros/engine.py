@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -13,14 +13,13 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.conversion import (
-    ENTROPY_SENSOR,
+    ENTROPY_TARGETS,
     AtsltdConverter,
     BackgroundActivityFilter,
     Converter,
     FixedCountConverter,
     FixedWindowConverter,
     Frame,
-    Regions,
 )
 from etd_ros.detection import EdgeBoxes
 from etd_ros.errors import EtdError
@@ -32,6 +31,8 @@ from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
 from etd_ros.targets import TargetStart, unique_targets
 from etd_ros.tracking import MultiTracker, TargetReport, method_named
+
+T = TypeVar("T")
 
 CONVERSIONS = ("atsltd", "fixed_window", "fixed_count")
 
@@ -92,18 +93,21 @@ class FrameSource:
         width: sensor width (pixels).
         height: sensor height (pixels).
         settings: of the filter and the converters.
-        regions: see `AtsltdConverter`.
+        regions: where NZGE is measured if `settings.atsltd.entropy_region` says so. Emptied here and by `reset`:
+            boxes of another stream or sensor say nothing about this one.
     """
 
     def __init__(
-        self, conversion: str, width: int, height: int, settings: Settings, regions: Regions = lambda: None
+        self, conversion: str, width: int, height: int, settings: Settings, regions: SearchRegions | None = None
     ) -> None:
+        self._regions = SearchRegions() if regions is None else regions
+        self._regions.boxes = None
         self._filter = (
             BackgroundActivityFilter(width, height, settings.noise_filter)
             if settings.noise_filter.window_s > 0
             else None
         )
-        self._converter = _make_converter(conversion, width, height, settings, regions)
+        self._converter = _make_converter(conversion, width, height, settings, self._regions)
 
     def frames(self, events: Events) -> Iterator[Frame]:
         """The frames that this batch finishes."""
@@ -120,6 +124,7 @@ class FrameSource:
 
     def reset(self) -> None:
         """Start a new stream."""
+        self._regions.boxes = None
         self._converter.reset()
         if self._filter:
             self._filter.reset()
@@ -191,7 +196,7 @@ class PerSensor(Generic[StageT]):
         return self._stage
 
 
-def _make_converter(conversion: str, width: int, height: int, settings: Settings, regions: Regions) -> Converter:
+def _make_converter(conversion: str, width: int, height: int, settings: Settings, regions: SearchRegions) -> Converter:
     if conversion == "atsltd":
         return AtsltdConverter(width, height, settings.atsltd, regions=regions)
     if conversion == "fixed_window":
@@ -229,25 +234,33 @@ def track(
         method: one of `METHODS`.
         settings: of all stages.
         threads: whether all before the tracking (reading `streams`, conversion, reconstruction) has a thread beside the
-            caller's. The steps are the same without. Where NZGE is measured in the targets' search
-            regions, each frame waits for the boxes of the last one, and there is none.
+            caller's. The steps are the same without. Where NZGE is measured in the targets' search regions, each
+            frame waits for the boxes of the last one, and that thread only reads.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
     targets = unique_targets(targets)
-    threads = threads and settings.atsltd.entropy_region == ENTROPY_SENSOR
+    frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
     regions = SearchRegions()
-    parts = _frames(streams, method, settings, regions)
-    if method_named(method).recovers:
-        parts = _images(parts, settings)
-    if not threads:
-        yield from _steps(parts, targets, method, settings, regions)
+    with _ahead(streams, threads and frames_wait) as batches:
+        parts = _frames(batches, method, settings, regions)
+        if method_named(method).recovers:
+            parts = _images(parts, settings)
+        with _ahead(parts, threads and not frames_wait) as made:
+            yield from _steps(made, targets, method, settings, regions)
+
+
+@contextmanager
+def _ahead(items: Iterable[T], in_thread: bool) -> Iterator[Iterable[T]]:
+    """The items, made in a thread or not. The thread has ended when the context has, also where an error keeps the
+    generator that reads them from being let go."""
+    if not in_thread:
+        yield items
         return
-    # Closed here, also where an error keeps this generator, and with it the thread, from being let go.
-    with closing(read_ahead(parts)) as ahead:
-        yield from _steps(ahead, targets, method, settings, regions)
+    with closing(read_ahead(items)) as ahead:
+        yield ahead
 
 
 def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions) -> Iterator[Part]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from etd_ros.boxes import Box, BoxError
 from etd_ros.conversion import ConversionError, nzge
-from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, Step, track
+from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, SearchRegions, Step, track
 from etd_ros.evaluation import TracksWriter
 from etd_ros.events import Events, concatenate
 from etd_ros.reconstruction import HighPassFilter, ReconstructionError, SynchronisedReconstruction
@@ -76,17 +76,23 @@ def test_frames_images_and_boxes_do_not_depend_on_how_events_are_cut(method, cut
     assert rows(tracked(cut_at(EVENTS, cuts), method=method)) == WHOLE[method]
 
 
-def focused(method: str, cuts: Sequence[int] = (), *, threads: bool = True) -> list[Step]:
-    """Tracked with NZGE measured round the target, in front of noise that is everywhere else."""
+def with_noise(events: Events) -> Events:
+    """The square in front of noise that is everywhere to its right."""
     rng = np.random.default_rng(3)
-    t = np.sort(rng.integers(int(EVENTS.t[0]), int(EVENTS.t[-1]), 40_000))
+    t = np.sort(rng.integers(int(events.t[0]), int(events.t[-1]), 40_000))
     x, y = rng.integers(60, WIDTH, len(t)), rng.integers(0, HEIGHT, len(t))
     noise = Events(t, x.astype(np.uint16), y.astype(np.uint16), (t % 2).astype(np.uint8), WIDTH, HEIGHT)
-    both = np.concatenate([EVENTS.to_structured(), noise.to_structured()])
-    events = Events.from_structured(both[np.argsort(both["t"], kind="stable")], WIDTH, HEIGHT)
-    regions = settings_from_mapping({"atsltd.entropy_region": "targets"})
-    streams = cut_at(events, cuts)
-    return list(track(streams, [TargetStart("square", BOX)], method=method, settings=regions, threads=threads))
+    both = np.concatenate([events.to_structured(), noise.to_structured()])
+    return Events.from_structured(both[np.argsort(both["t"], kind="stable")], WIDTH, HEIGHT)
+
+
+FOCUSED = settings_from_mapping({"atsltd.entropy_region": "targets"})
+
+
+def focused(method: str, cuts: Sequence[int] = (), *, threads: bool = True) -> list[Step]:
+    """Tracked with NZGE measured round the target."""
+    streams = cut_at(with_noise(EVENTS), cuts)
+    return list(track(streams, [TargetStart("square", BOX)], method=method, settings=FOCUSED, threads=threads))
 
 
 @pytest.mark.parametrize("method", ["etd", "etd-nr"])
@@ -115,6 +121,49 @@ def test_a_busy_background_does_not_end_the_frames_of_a_target_in_its_own_region
 @given(cuts=st.lists(st.integers(1, len(EVENTS) - 1), max_size=20), threads=st.booleans())
 def test_search_regions_give_the_same_boxes_however_events_are_cut(cuts, threads):
     assert rows(focused("etd", cuts, threads=threads)) == rows(focused("etd"))
+
+
+@pytest.mark.parametrize(("region", "conversion_thread"), [("sensor", "read_ahead"), ("targets", "MainThread")])
+def test_recordings_are_read_ahead_wherever_nzge_is_measured(region, conversion_thread, monkeypatch):
+    readers, converters = set(), set()
+
+    def streams():
+        for batch in cut_at(EVENTS, [2000, 4000]):
+            readers.add(threading.current_thread().name)
+            yield batch
+
+    convert = FrameSource.frames
+
+    def noted(source, events):
+        converters.add(threading.current_thread().name)
+        return convert(source, events)
+
+    monkeypatch.setattr(FrameSource, "frames", noted)
+    chosen = settings_from_mapping({"atsltd.entropy_region": region})
+    assert list(track(streams(), [TargetStart("square", BOX)], method="etd-nr", settings=chosen))
+    assert readers == {"read_ahead"}
+    assert converters == {conversion_thread}
+    assert "read_ahead" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_a_new_stream_and_a_new_sensor_size_forget_the_search_regions():
+    regions = SearchRegions()
+    regions.boxes = [BOX]
+    source = FrameSource("atsltd", WIDTH, HEIGHT, FOCUSED, regions)
+    assert regions.boxes is None
+    first = [(frame.stamp_ns, frame.nzge) for frame in source.frames(EVENTS)]
+    regions.boxes = [Box(80.0, 60.0, 8.0, 8.0)]
+    source.reset()
+    assert regions.boxes is None
+    assert [(frame.stamp_ns, frame.nzge) for frame in source.frames(EVENTS)] == first
+
+
+def test_the_first_frame_after_a_restart_is_measured_over_the_whole_sensor():
+    later = with_noise(make_events(START_NS + 2_000_000_000))
+    streams = [StreamBatch(with_noise(EVENTS), None), StreamBatch(later, Restart.GAP)]
+    steps = list(track(streams, [TargetStart("square", BOX)], method="etd-nr", settings=FOCUSED))
+    after = next(step for step in steps if step.frame.stamp_ns > int(later.t[0]))
+    assert after.frame.nzge == pytest.approx(nzge(after.frame.data), abs=1e-12)
 
 
 def test_events_one_at_a_time_give_the_same_boxes():

@@ -25,6 +25,7 @@ from etd_ros.benchmarking import (
     table,
     write,
 )
+from etd_ros.commands.output_files import check_outputs, write_beside
 from etd_ros.plots import check_matplotlib
 
 T = TypeVar("T")
@@ -62,12 +63,17 @@ def run(options: argparse.Namespace) -> int:
     """Measure and print, or draw.
 
     Raises:
-        BenchmarkError: the folder of recordings is missing, or the outputs cannot be written.
+        BenchmarkError: the folder of recordings is missing, the options contradict each other, or the outputs of
+            --write cannot be written.
+        OutputError: the plot cannot be written.
         PlotError: Matplotlib, which the plot needs, is missing.
         RecordingError: a recording is damaged.
     """
     effort = QUICK if options.quick else FULL
     if options.scaling is not None:
+        if options.json or options.write is not None:
+            msg = "--scaling draws curves instead of measuring the table: leave out --json and --write"
+            raise BenchmarkError(msg)
         _draw_scaling(options.scaling, effort)
         return 0
     if options.write is not None:
@@ -88,14 +94,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw_scaling(path: Path, effort: Effort) -> None:
     check_matplotlib()
+    check_outputs(path)
     points = list(_shown(scaling(effort.events, effort.rounds), lambda point: f"{point.axis}, {point.part}"))
-    beside = path.with_name(f".{path.name}.new")
-    try:
-        beside.write_bytes(scaling_png(points))
-        beside.replace(path)
-    except OSError as err:
-        msg = f"{path}: cannot be written ({err.strerror or err}): name another file with --scaling"
-        raise BenchmarkError(msg) from err
+    write_beside(path, scaling_png(points))
 
 
 def _group(text: str) -> str:

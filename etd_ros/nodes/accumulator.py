@@ -16,6 +16,7 @@ from etd_ros.parameters import parameter
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, decode_detections, encode_image
 
+TRACKER_CHECK_PERIOD_S = 1.0
 STAGES = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
 
 
@@ -29,7 +30,7 @@ class AccumulatorOptions(NodeOptions):
 class Accumulator(EtdNode):
     """Publishes `~/frames` while somebody subscribes to it.
 
-    With `atsltd.entropy_region: targets` it listens to the tracker: NZGE is measured round its last boxes.
+    With `atsltd.entropy_region: targets` it listens to the tracker: NZGE is measured where that looks next.
     """
 
     def __init__(self) -> None:
@@ -38,9 +39,10 @@ class Accumulator(EtdNode):
         self._regions = SearchRegions()
         self._sources = PerSensor(lambda w, h: FrameSource(self.options.conversion, w, h, self.settings, self._regions))
         if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
-            self._boxes = self.create_subscription(
-                Detection2DArray, "tracker/detections", self._on_boxes, FRAME_QOS, raw=True
+            self._region_input = self.create_subscription(
+                Detection2DArray, "tracker/search_regions", self._on_regions, FRAME_QOS, raw=True
             )
+            self._tracker_timer = self.every(TRACKER_CHECK_PERIOD_S, self._check_tracker)
         self._finished = dict.fromkeys(FrameEnd, 0)
         self._last_nzge = 0.0
         self._input = EventInput(self, self._on_events, lambda: self._frames.get_subscription_count() > 0)
@@ -53,17 +55,24 @@ class Accumulator(EtdNode):
             **{f"frames ended by {end.value}": count for end, count in self._finished.items()},
             "frames": sum(self._finished.values()),
             "last NZGE": f"{self._last_nzge:.4f}",
+            "search regions": len(self._regions.boxes or ()),
             "reading events": self._input.subscribed,
             "frame subscribers": self._frames.get_subscription_count(),
         }
 
-    def _on_boxes(self, message: bytes) -> None:
-        self.worker.submit(self._take_boxes, message)
+    def _on_regions(self, message: bytes) -> None:
+        self.worker.submit(self._take_regions, message)
 
-    def _take_boxes(self, message: bytes) -> None:
-        scale = self.settings.detection.search_scale
-        boxes = [detection.box.scaled(scale) for detection in decode_detections(message).detections]
-        self._regions.boxes = boxes or None
+    def _take_regions(self, message: bytes) -> None:
+        self._regions.boxes = [detection.box for detection in decode_detections(message).detections] or None
+
+    def _check_tracker(self) -> None:
+        """A tracker that is gone does not look anywhere any more."""
+        if self.count_publishers(self._region_input.topic_name) == 0:
+            self.worker.submit(self._forget_regions, b"")
+
+    def _forget_regions(self, _: bytes) -> None:
+        self._regions.boxes = None
 
     def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
         for frame in self._sources.at(batch).frames(batch.events):

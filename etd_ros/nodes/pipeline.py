@@ -104,12 +104,12 @@ class Pipeline(EtdNode):
             self._targets.start_all(self._tracker, frame.start_ns)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
-        self._regions.boxes = self._tracker.search_regions()
+        regions = self._regions.boxes = self._tracker.search_regions()
         if self._frames.get_subscription_count():
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
-        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports)
+        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions)
 
 
 def main() -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
+from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
 from etd_ros.nodes.worker import Handler, Task
@@ -137,10 +138,11 @@ class ResetService:
 
 
 class TrackingOutput:
-    """Publishes `~/detections`, `~/status` and `~/overlay`."""
+    """Publishes `~/detections`, `~/search_regions`, `~/status` and `~/overlay`."""
 
     def __init__(self, node: EtdNode) -> None:
         self._detections = node.create_publisher(Detection2DArray, "~/detections", FRAME_QOS)
+        self._search_regions = node.create_publisher(Detection2DArray, "~/search_regions", FRAME_QOS)
         self._status = node.create_publisher(DiagnosticArray, "~/status", FRAME_QOS)
         self._overlay = node.create_publisher(Image, "~/overlay", FRAME_QOS)
         self._name = node.get_fully_qualified_name().lstrip("/")
@@ -149,8 +151,9 @@ class TrackingOutput:
 
     @property
     def subscribers(self) -> int:
-        """How many read the boxes, states or overlay."""
-        return sum(publisher.get_subscription_count() for publisher in (self._detections, self._status, self._overlay))
+        """How many read the boxes, search regions, states or overlay."""
+        publishers = (self._detections, self._search_regions, self._status, self._overlay)
+        return sum(publisher.get_subscription_count() for publisher in publishers)
 
     def publish(
         self,
@@ -159,6 +162,7 @@ class TrackingOutput:
         frame: npt.NDArray[np.uint8],
         image: npt.NDArray[np.uint8] | None,
         reports: tuple[TargetReport, ...],
+        search_regions: Sequence[Box] | None,
     ) -> None:
         """Say what one frame brought; stamps and frame_id are those of the frame."""
         self.frames += 1
@@ -171,6 +175,9 @@ class TrackingOutput:
         self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
         statuses = [self._status_of(report, frame_id) for report in reports]
         self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))
+        if self._search_regions.get_subscription_count():
+            regions = [Detection(id="", box=box, score=1.0, class_id="") for box in search_regions or ()]
+            self._search_regions.publish(encode_detections(regions, stamp_ns=stamp_ns, frame_id=frame_id))
         if self._overlay.get_subscription_count():
             picture = draw_overlay(frame, reports, image=image, stamp_ns=stamp_ns)
             self._overlay.publish(encode_image(picture, stamp_ns=stamp_ns, frame_id=frame_id))

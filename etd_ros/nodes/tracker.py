@@ -179,7 +179,8 @@ class Tracker(EtdNode):
             self._targets.start_all(self._tracker, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
-        self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports)
+        regions = self._tracker.search_regions()
+        self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions)
 
 
 def main() -> int:

@@ -111,6 +111,26 @@ def test_outputs_are_refused_before_anything_is_measured(tmp_path, capsys):
     assert (tmp_path / "README.md").read_text() == "no marks\n"
 
 
+def test_a_plot_is_refused_before_anything_is_measured_and_leaves_nothing_behind(tmp_path, capsys):
+    for path, reason in ((tmp_path, "is a folder"), (tmp_path / "none" / "curves.png", "a folder that exists")):
+        assert main(["benchmark", "--quick", "--scaling", str(path)]) == 2
+        error = capsys.readouterr().err
+        assert len(error.splitlines()) == 1
+        assert str(path) in error
+        assert reason in error
+    assert list(tmp_path.parent.glob(f".{tmp_path.name}*")) == list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("option", [["--json"], ["--write", "."]])
+def test_curves_are_not_drawn_beside_a_table(tmp_path, capsys, option):
+    assert main(["benchmark", "--quick", "--scaling", str(tmp_path / "curves.png"), *option]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 1
+    assert "leave out --json and --write" in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
 def row(**changes) -> report.Row:
     values = {"what": "conversion", "sensor": "240x180", "value": 123.4, "unit": "Mev/s", "peer": None}
     return report.Row(**{**values, "peer_value": None, "ratio": None, "stream": "uniform", "spread": 0.01, **changes})
