@@ -8,7 +8,7 @@ from etd_ros.conversion import PAPER_INTERVAL, AtsltdConfig, AtsltdConverter, Fr
 
 ALPHA = PAPER_INTERVAL[0]
 STRIDE = AtsltdConfig().check_stride
-DELAY_MAX = 300
+DELAY_MAX = 232
 """Events; docs/conversion.md has the largest delay of each recording."""
 
 
