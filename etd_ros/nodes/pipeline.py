@@ -59,10 +59,9 @@ class Pipeline(EtdNode):
         return {
             **super().diagnostics(),
             **self._input.diagnostics(),
-            "frames tracked": self._output.frames,
             "reading events": self._input.subscribed,
             "targets": len(self._targets),
-            **{f"state of {name}": state for name, state in self._output.states.items()},
+            **self._output.diagnostics(),
         }
 
     def stop(self) -> None:

@@ -146,14 +146,22 @@ class TrackingOutput:
         self._status = node.create_publisher(DiagnosticArray, "~/status", FRAME_QOS)
         self._overlay = node.create_publisher(Image, "~/overlay", FRAME_QOS)
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self.frames = 0
-        self.states: dict[str, str] = {}
+        self._frames_tracked = 0
+        self._states: dict[str, str] = {}
 
     @property
     def subscribers(self) -> int:
         """How many read the boxes, search regions, states or overlay."""
         publishers = (self._detections, self._search_regions, self._status, self._overlay)
         return sum(publisher.get_subscription_count() for publisher in publishers)
+
+    def diagnostics(self) -> dict[str, object]:
+        """Figures for /diagnostics."""
+        return {
+            "frames tracked": self._frames_tracked,
+            "search region subscribers": self._search_regions.get_subscription_count(),
+            **{f"state of {name}": state for name, state in self._states.items()},
+        }
 
     def publish(
         self,
@@ -165,8 +173,8 @@ class TrackingOutput:
         search_regions: Sequence[Box] | None,
     ) -> None:
         """Say what one frame brought; stamps and frame_id are those of the frame."""
-        self.frames += 1
-        self.states = {report.name: report.state.value for report in reports}
+        self._frames_tracked += 1
+        self._states = {report.name: report.state.value for report in reports}
         detections = [
             Detection(id=report.name, box=report.box, score=report.score, class_id=report.name)
             for report in reports

@@ -115,10 +115,9 @@ class Tracker(EtdNode):
             **super().diagnostics(),
             "frames received": self._received["frames"],
             "images received": self._received["images"],
-            "frames tracked": self._output.frames,
             "frames without image": self._pairs.frames_without_image if self._recovers else 0,
             "targets": len(self._targets),
-            **{f"state of {name}": state for name, state in self._output.states.items()},
+            **self._output.diagnostics(),
         }
 
     def missing(self) -> list[str]:

@@ -1,41 +1,101 @@
 """NZGE in the targets' search regions, with the accumulator and the tracker in two processes."""
 
+from collections.abc import Iterator
+
+import pytest
+from event_camera_msgs.msg import EventPacket
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.cli import main
-from etd_ros.evaluation import read_tracks
-from msg_adapters import decode_detections
+from etd_ros.boxes import Box
+from etd_ros.engine import Step, track
+from etd_ros.events import Events, concatenate
+from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.recordings import open_recording
+from etd_ros.settings import settings_from_mapping
+from etd_ros.stream import StreamBatch
+from etd_ros.targets import TargetStart
+from etd_ros.tracking import TargetState
+from msg_adapters import decode_detections, decode_image, encode_event_packet
 
 EVENTS = "/event_camera/events"
-REMAP = ("-r", f"~/events:={EVENTS}")
+REGIONS = "/tracker/search_regions"
+BOX = Box(100.0, 200.0, 40.0, 30.0)
+# No candidate overlaps that much: the target is lost on the first frame, and its region stays where it is.
+SETTINGS = {"tracking.failure_iou": 1.0, "atsltd.entropy_region": "targets"}
+EVENTS_MAX = 25_000
+"""So few that their frames find room in the queue of a reader that is late."""
+EVENTS_A_MESSAGE = 1_000
 
 
-def test_frames_are_measured_round_a_lost_target_until_its_tracker_ends(bench, data, tmp_path):
-    recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
-    tracks = tmp_path / "tracks.csv"
-    command = ["track", str(recording), "--targets", str(truth), "--output", str(tracks), "--method", "etd-nr"]
-    assert main([*command, "--set", "atsltd.entropy_region=targets"]) == 0
-    (rows,) = read_tracks(tracks).values()
-    bench.listen("/tracker/search_regions", Detection2DArray)
-    bench.start("accumulator", ros=(*REMAP, "-p", "atsltd.entropy_region:=targets"))
-    bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", "method:=etd-nr"))
-    bench.wait_until(lambda: bench.figure("accumulator", "frame subscribers") == "1", "the nodes are linked")
-    replay = bench.start("replay", str(recording), "--rate", "0.5", "--wait-for", "1")
-    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
-    state = "state of silver_car"
-    bench.wait_until(lambda: bench.figure("tracker", state) == "lost", "the target is lost")
+@pytest.fixture(scope="module")
+def events(data) -> Events:
+    with open_recording(data / "traffic" / "traffic.mcap") as recording:
+        return concatenate([batch.events for batch in recording.streams()])[:EVENTS_MAX]
+
+
+@pytest.fixture(scope="module")
+def offline(events) -> list[Step]:
+    target = TargetStart("spot", BOX)
+    return list(track([StreamBatch(events, None)], [target], method="etd-nr", settings=settings_from_mapping(SETTINGS)))
+
+
+def messages_of(events: Events, first: int) -> Iterator[bytes]:
+    """The events from the first on; the message before has number 0."""
+    for seq, start in enumerate(range(first, len(events), EVENTS_A_MESSAGE), 1):
+        part = events[start : start + EVENTS_A_MESSAGE]
+        yield encode_event_packet(part, stamp_ns=int(part.t[0]), frame_id="camera", seq=seq)
+
+
+def wait_until_linked(bench, source: Publisher, *, frame_subscribers: int) -> None:
+    """Everybody hears everybody, the bench the search regions too."""
     bench.wait_until(
-        lambda: 0 < int(bench.figure("accumulator", "frames")) == int(bench.figure("tracker", "frames tracked")),
-        "every frame is tracked",
+        lambda: (
+            source.get_subscription_count() == 1
+            and bench.figure("accumulator", "frame subscribers") == str(frame_subscribers)
+            and bench.figure("tracker", "search region subscribers") == "2"
+        ),
+        "the nodes are linked",
     )
 
-    regions = [tuple(decode_detections(message).detections) for message in bench.messages["/tracker/search_regions"]]
-    assert len(regions) == int(bench.figure("tracker", "frames tracked"))
-    assert all(len(region) == 1 for region in regions), "a lost target is looked for where it was"
-    assert regions[-1] == regions[-2]
-    assert bench.figure("accumulator", "search regions") == "1"
-    # Live frames depend on when the regions come; with NZGE over the whole sensor they are half as many again.
-    assert abs(int(bench.figure("accumulator", "frames")) - len(rows)) < len(rows) / 4
 
+def test_frames_are_measured_round_a_lost_target_as_offline_until_its_tracker_ends(bench, events, offline):
+    assert {step.reports[0].state for step in offline} == {TargetState.LOST}
+    for topic, kind in (("/accumulator/frames", Image), (REGIONS, Detection2DArray)):
+        bench.listen(topic, kind)
+    source = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("accumulator", ros=("-r", f"~/events:={EVENTS}", "-p", "atsltd.entropy_region:=targets"))
+    spot = f"spot:{BOX.x},{BOX.y},{BOX.w},{BOX.h}"
+    bench.start("tracker", ros=("-p", f"targets:={spot}", "-p", "method:=etd-nr", "-p", "tracking.failure_iou:=1.0"))
+    wait_until_linked(bench, source, frame_subscribers=2)
+    # The first frame's last event, and none of the next one: that asks for the regions with its own first event.
+    first = offline[0].frame.events
+    source.publish(encode_event_packet(events[:first], stamp_ns=int(events.t[0]), frame_id="camera", seq=0))
+    bench.wait_until(lambda: bench.figure("accumulator", "search regions") == "1", "the accumulator knows the region")
+    for message in messages_of(events, first):
+        source.publish(message)
+    bench.wait_until(lambda: bench.figure("accumulator", "events") == str(len(events)), "all events have come")
+    stamps, regions = [step.frame.stamp_ns for step in offline], bench.messages[REGIONS]
+    bench.wait_until(
+        lambda: bool(regions) and decode_detections(regions[-1]).stamp_ns >= stamps[-1], "the last frame is tracked"
+    )
+    assert [decode_image(message).stamp_ns for message in bench.messages["/accumulator/frames"]] == stamps
+    for message in map(decode_detections, regions):
+        assert [tuple(region.box) for region in message.detections] == [pytest.approx(BOX.scaled(1.5))]
     assert bench.end("tracker") == 0
-    bench.wait_until(lambda: bench.figure("accumulator", "search regions") == "0", "the accumulator forgets them")
+    bench.wait_until(lambda: bench.figure("accumulator", "search regions") == "0", "the accumulator forgets the region")
+
+
+def test_no_search_regions_before_a_target_has_started(bench, events):
+    bench.listen(REGIONS, Detection2DArray)
+    source = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("accumulator", ros=("-r", f"~/events:={EVENTS}", "-p", "atsltd.entropy_region:=targets"))
+    late_ns = int(events.t[-1]) + 1
+    bench.start("tracker", ros=("-p", f"targets:=late:100,200,40,30@{late_ns}", "-p", "method:=etd-nr"))
+    wait_until_linked(bench, source, frame_subscribers=1)
+    for message in messages_of(events, 0):
+        source.publish(message)
+    bench.wait_until(lambda: bool(bench.messages[REGIONS]), "a frame is tracked")
+    assert {decode_detections(message).detections for message in bench.messages[REGIONS]} == {()}
+    assert bench.figure("accumulator", "search regions") == "0"
