@@ -1,4 +1,4 @@
-"""Where the real recordings are, for every test."""
+"""What the tests work on, and where."""
 
 import os
 from pathlib import Path
@@ -20,3 +20,18 @@ def data() -> Path:
 def repository() -> Path:
     """The checkout."""
     return REPOSITORY
+
+
+@pytest.fixture
+def demo(repository: Path) -> Path:
+    """The bundled recording."""
+    return repository / "bags" / "demo"
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder, so that whatever a command leaves is seen."""
+    folder = tmp_path / "place"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder

@@ -10,10 +10,10 @@ from typing import Any
 
 import yaml
 
+from etd_ros.commands.output_files import check_outputs
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.engine import track as track_streams
-from etd_ros.errors import EtdError
 from etd_ros.evaluation import TracksWriter
 from etd_ros.overlay import VideoWriter, draw_overlay
 from etd_ros.parameters import ParameterError
@@ -23,10 +23,6 @@ from etd_ros.targets import TargetError, parse_target, targets_from_file, unique
 from etd_ros.tracking import METHODS, method_named
 
 VIDEO_FPS = 30.0
-
-
-class OutputError(EtdError):
-    """An output that cannot be written."""
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -52,7 +48,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 def run(options: argparse.Namespace) -> int:
     """Track, write the tracks (and the video)."""
     method_named(options.method)
-    _check_outputs(options.output, options.video)
+    check_outputs(options.output, options.video)
     settings = read_settings(options.config, options.set)
     targets = unique_targets(
         [*(targets_from_file(options.targets) if options.targets else []), *map(parse_target, options.target)]
@@ -101,16 +97,3 @@ def _value(assignment: str, text: str) -> Any:
         with suppress(ValueError):
             return float(value)
     return value
-
-
-def _check_outputs(*outputs: Path | None) -> None:
-    """Refuse folders before the work rather than after it.
-
-    Raises:
-        OutputError: an output is a folder.
-    """
-    for output in outputs:
-        if output is not None and output.exists() and not output.is_file():
-            kind = "a folder" if output.is_dir() else "no regular file"
-            msg = f"{output}: cannot be written (is {kind}): name a file"
-            raise OutputError(msg)

@@ -84,7 +84,7 @@ class BackgroundActivityFilter:
         if not self._window_ns:
             return events
         indices = self._find_passing(events)
-        t, x, y, p = [column[: len(indices)] for column in self._columns.take(len(indices))]
+        t, x, y, p = self._columns.take(len(indices))
         _gather(events.t, events.x, events.y, events.p, indices, t, x, y, p)
         return Events(t, x, y, p, events.width, events.height)
 

@@ -16,6 +16,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -225,9 +226,10 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
         return 2
     # Signals end the context at any moment; then whatever the node is in the middle of fails, each call in its own way.
-    except Exception:
+    except Exception as err:
         if rclpy.ok():
             raise
+        get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
         return 0
     finally:
         if node is not None:

@@ -27,15 +27,6 @@ DAMAGED = [
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    """An empty working folder, so that whatever a command leaves is seen."""
-    folder = tmp_path / "place"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture
 def bag(tmp_path) -> str:
     return str(command_bags.sound(tmp_path / "sound"))
 

@@ -23,20 +23,6 @@ from etd_ros.settings import read_parameter_file, settings_from_mapping
 from msg_adapters import encode_event_packet
 
 
-@pytest.fixture
-def demo(repository) -> Path:
-    return repository / "bags" / "demo"
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    """An empty working folder, so that whatever a command leaves is seen."""
-    folder = tmp_path / "place"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    return folder
-
-
 def printed_interval(text: str) -> list[float]:
     return [float(number) for number in re.search(r"\[alpha, beta\] = \[([\d.]+), ([\d.]+)\]", text).groups()]
 
