@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from etd_ros.simulation.scene import Path, Scene, Sprite, Waypoint
+from etd_ros.simulation.motion import Path, Waypoint
+from etd_ros.simulation.scene import Scene, Sprite
 from etd_ros.simulation.textures import BRIGHT, DARK, Texture, blobs, checks, smooth_noise, stripes
 
 WIDTH, HEIGHT = 240, 180

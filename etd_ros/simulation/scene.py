@@ -1,62 +1,20 @@
-"""A scene of textured sprites that move along known paths over a textured background."""
+"""A scene of textured sprites that move along known paths over a textured background, and a camera that may move."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
-from scipy.interpolate import CubicSpline
 
 from etd_ros.boxes import Box
-from etd_ros.errors import EtdError
+from etd_ros.simulation.motion import Flicker, FloatArray, Path, SimulationError
 from etd_ros.simulation.textures import Texture
 
-
-class SimulationError(EtdError):
-    """A scene that cannot be simulated."""
-
-
-@dataclass(frozen=True, slots=True)
-class Waypoint:
-    """Where a sprite's centre is at a time.
-
-    Attributes:
-        time_s: seconds since the start of the scene.
-        x, y: the centre (pixels).
-        scale: its size over that of its texture.
-    """
-
-    time_s: float
-    x: float
-    y: float
-    scale: float = 1.0
-
-
-class Path:
-    """A smooth way through waypoints: cubic splines in time; a single waypoint stands still."""
-
-    def __init__(self, waypoints: Sequence[Waypoint]) -> None:
-        """Raise SimulationError where there is no waypoint, or the times do not increase."""
-        times = [waypoint.time_s for waypoint in waypoints]
-        if not times or any(later <= earlier for earlier, later in itertools.pairwise(times)):
-            msg = f"a path needs waypoints at increasing times, not {times}"
-            raise SimulationError(msg)
-        values = np.array([(waypoint.x, waypoint.y, waypoint.scale) for waypoint in waypoints], np.float64)
-        self._start = values[0]
-        self._spline = CubicSpline(times, values) if len(times) > 1 else None
-        self._first_s, self._last_s = times[0], times[-1]
-
-    def at(self, time_s: float) -> tuple[float, float, float]:
-        """(x, y, scale) of the centre (pixels); before the first and after the last waypoint it stays there."""
-        if self._spline is None:
-            x, y, scale = self._start
-        else:
-            x, y, scale = self._spline(min(max(time_s, self._first_s), self._last_s))
-        return float(x), float(y), float(scale)
+OPAQUE = 0.5
+"""Texture pixels of a larger opacity belong to the truth box."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +27,10 @@ class Sprite:
         opacity: 1 where the sprite is, 0 where one sees through it, float64, shape (h, w).
         path: where its centre is.
         is_target: whether it belongs to the truth; an occluder does not.
+        nearness: how far it shifts when the camera moves, over how far the background does; 0 moves with the camera.
+        flicker: of a lamp.
+        outline: corners of the convex hull of its opaque pixels (opacity > 0.5), from its centre (texture pixels),
+            float64, shape (n, 2).
     """
 
     name: str
@@ -76,12 +38,26 @@ class Sprite:
     opacity: npt.NDArray[np.float64]
     path: Path
     is_target: bool = True
+    nearness: float = 1.0
+    flicker: Flicker | None = None
+    outline: FloatArray = field(init=False, repr=False)
 
-    def box(self, time_s: float) -> Box:
-        """The exact box of the whole sprite (pixels), hidden or not."""
-        x, y, scale = self.path.at(time_s)
-        height, width = self.texture.shape
-        return Box(x - width * scale / 2, y - height * scale / 2, width * scale, height * scale)
+    def __post_init__(self) -> None:
+        if self.texture.shape != self.opacity.shape:
+            msg = f"sprite {self.name!r}: a texture of {self.texture.shape} with an opacity of {self.opacity.shape}"
+            raise SimulationError(msg)
+        object.__setattr__(self, "outline", self._outline())
+
+    def _outline(self) -> FloatArray:
+        rows, columns = np.nonzero(self.opacity > OPAQUE)
+        if not len(rows):
+            msg = f"sprite {self.name!r} is nowhere opaque: nothing of it would be seen"
+            raise SimulationError(msg)
+        pixels = np.stack([columns, rows], axis=1)
+        corners = np.concatenate([pixels + corner for corner in ((0, 0), (0, 1), (1, 0), (1, 1))])
+        hull = cv2.convexHull(corners.astype(np.int32))[:, 0].astype(np.float64)
+        height, width = self.opacity.shape
+        return np.asarray(hull - (width / 2, height / 2), np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +67,14 @@ class Scene:
     Attributes:
         width, height: sensor size (pixels).
         duration_s: how long it lasts.
-        background: intensities, float64, shape (height, width).
+        background: intensities, float64, shape (height, width), or any shape where there is a `view`: it continues
+            mirrored beyond its edges.
         sprites: from the back to the front.
+        view: how the camera moves: (x, y) is how far the background's centre has gone to the left and upwards, scale
+            enlarges and angle turns the picture about the sensor's centre. None: it stands still.
+        flicker: of the light of the whole scene.
+        shade: how much light there is for each pixel, float64, shape (height, width), above 0. None: 1.
+        dark: what the sensor sees where there is no light; with `shade` it takes the contrast from dark places.
     """
 
     width: int
@@ -100,79 +82,108 @@ class Scene:
     duration_s: float
     background: Texture
     sprites: tuple[Sprite, ...]
+    view: Path | None = None
+    flicker: Flicker | None = None
+    shade: npt.NDArray[np.float64] | None = None
+    dark: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.background.shape != (self.height, self.width):
+        size = (self.height, self.width)
+        if self.view is None and self.background.shape != size:
             msg = f"a background of {self.background.shape} for a sensor of {self.width}x{self.height}"
             raise SimulationError(msg)
-        if (
-            min(float(texture.min()) for texture in (self.background, *(sprite.texture for sprite in self.sprites)))
-            <= 0
-        ):
+        if self.shade is not None and self.shade.shape != size:
+            msg = f"a shade of {self.shade.shape} for a sensor of {self.width}x{self.height}"
+            raise SimulationError(msg)
+        textures = [self.background, *(sprite.texture for sprite in self.sprites)]
+        lights = [*textures, *([] if self.shade is None else [self.shade])]
+        if min(float(light.min()) for light in lights) <= 0 or self.dark < 0:
             msg = "intensities must be above 0: events come from their logarithm"
             raise SimulationError(msg)
+        names = [sprite.name for sprite in self.sprites]
+        if len(set(names)) < len(names):
+            msg = f"two sprites of one name among {', '.join(names)}: give each a name of its own"
+            raise SimulationError(msg)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the sprites that belong to the truth, from the back to the front."""
+        return tuple(sprite.name for sprite in self.sprites if sprite.is_target)
 
     def render(self, time_s: float) -> npt.NDArray[np.float64]:
         """Log intensity, float64, shape (height, width)."""
-        image = self.background.copy()
-        for sprite in self.sprites:
-            x, y, scale = sprite.path.at(time_s)
-            _paint(image, sprite.texture, sprite.opacity, x, y, scale)
-        return np.log(image)
+        # Imported here: the renderer works on scenes.
+        from etd_ros.simulation.rendering import Renderer
 
-    def visible_share(self, name: str, time_s: float) -> float:
-        """The share of a sprite that lies on the sensor and is not hidden by sprites in front of it, 0 to 1."""
-        index = self._index_of(name)
-        ones = np.ones((self.height, self.width))
-        shown = np.zeros((self.height, self.width))
-        target = self.sprites[index]
-        _paint(shown, np.ones_like(target.texture), target.opacity, *target.path.at(time_s))
-        whole = target.opacity.sum() * target.path.at(time_s)[2] ** 2
-        for sprite in self.sprites[index + 1 :]:
-            cover = np.zeros_like(ones)
-            _paint(cover, np.ones_like(sprite.texture), sprite.opacity, *sprite.path.at(time_s))
-            shown *= 1 - cover
-        return float(shown.sum() / whole)
+        renderer = Renderer(self, np.array([time_s]))
+        renderer.advance(0)
+        return renderer.after
 
-    def _index_of(self, name: str) -> int:
+    def placements(self, times_s: Sequence[float] | FloatArray) -> FloatArray:
+        """Where the background (first) and the sprites are on the sensor.
+
+        Args:
+            times_s: seconds since the start of the scene, shape (n,).
+
+        Returns:
+            x, y (pixels), scale and angle (rad) of their centres, float64, shape (n, 1 + sprites, 4).
+        """
+        times = np.asarray(times_s, np.float64)
+        centre = np.array([self.width / 2, self.height / 2])
+        rest = np.array([[*centre, 1.0, 0.0]])
+        poses = [np.repeat(rest, len(times), axis=0), *(sprite.path.poses(times) for sprite in self.sprites)]
+        placed = np.stack(poses, axis=1)
+        if self.view is None:
+            return placed
+        view = self.view.poses(times)[:, None, :]
+        nearness = np.array([1.0, *(sprite.nearness for sprite in self.sprites)])[None, :, None]
+        zoom, roll = view[..., 2], view[..., 3]
+        x, y = np.moveaxis(placed[..., :2] - nearness * view[..., :2] - centre, 2, 0)
+        placed[..., 0] = centre[0] + zoom * (np.cos(roll) * x - np.sin(roll) * y)
+        placed[..., 1] = centre[1] + zoom * (np.sin(roll) * x + np.cos(roll) * y)
+        placed[..., 2] *= zoom
+        placed[..., 3] += roll
+        return placed
+
+    def box(self, name: str, time_s: float) -> Box:
+        """The exact box of the whole sprite (pixels), hidden or not: the tightest round its opaque pixels.
+
+        Raises:
+            SimulationError: there is no such sprite.
+        """
+        index = self.index_of(name)
+        return box_of(self.sprites[index], self.placements([time_s])[0, 1 + index])
+
+    def index_of(self, name: str) -> int:
+        """Where in `sprites` it stands.
+
+        Raises:
+            SimulationError: there is no such sprite.
+        """
         for index, sprite in enumerate(self.sprites):
             if sprite.name == name:
                 return index
         msg = f"no sprite {name!r}: the scene has {', '.join(sprite.name for sprite in self.sprites)}"
         raise SimulationError(msg)
 
+    def visible_share(self, name: str, time_s: float) -> float:
+        """The share of a sprite that lies on the sensor and is not hidden by sprites in front of it, 0 to 1."""
+        from etd_ros.simulation.truth import visible_shares
+
+        return float(visible_shares(self, name, [time_s]).visible[0])
+
     def boxes(self, time_s: float, *, visible_min: float = 0.5) -> dict[str, Box]:
         """Boxes of the targets of which at least `visible_min` can be seen, by name."""
         return {
-            sprite.name: sprite.box(time_s)
-            for sprite in self.sprites
-            if sprite.is_target and self.visible_share(sprite.name, time_s) >= visible_min
+            name: self.box(name, time_s) for name in self.targets if self.visible_share(name, time_s) >= visible_min
         }
 
 
-@njit(cache=True, nogil=True)
-def _paint(
-    image: npt.NDArray[np.float64],
-    texture: npt.NDArray[np.float64],
-    opacity: npt.NDArray[np.float64],
-    x: float,
-    y: float,
-    scale: float,
-) -> None:
-    """Blend a texture over an image, in place, its centre at (x, y); bilinear between the texture's pixels."""
-    height, width = image.shape
-    rows, columns = texture.shape
-    left, top = x - columns * scale / 2, y - rows * scale / 2
-    for row in range(max(0, int(np.floor(top)) - 1), min(height, int(np.ceil(top + rows * scale)) + 1)):
-        for column in range(max(0, int(np.floor(left)) - 1), min(width, int(np.ceil(left + columns * scale)) + 1)):
-            v = (row + 0.5 - top) / scale - 0.5
-            u = (column + 0.5 - left) / scale - 0.5
-            v0, u0 = int(np.floor(v)), int(np.floor(u))
-            alpha, colour = 0.0, 0.0
-            for j in range(v0, v0 + 2):
-                for i in range(u0, u0 + 2):
-                    if 0 <= j < rows and 0 <= i < columns:
-                        share = (1 - abs(v - j)) * (1 - abs(u - i)) * opacity[j, i]
-                        alpha += share
-                        colour += share * texture[j, i]
-            image[row, column] = image[row, column] * (1 - alpha) + colour
+def box_of(sprite: Sprite, placement: FloatArray) -> Box:
+    """The tightest box (pixels) round the opaque pixels of a sprite at x, y, scale, angle (shape (4,))."""
+    x, y, scale, angle = placement.tolist()
+    cos, sin = np.cos(angle) * scale, np.sin(angle) * scale
+    columns = x + sprite.outline @ (cos, -sin)
+    rows = y + sprite.outline @ (sin, cos)
+    left, top = float(columns.min()), float(rows.min())
+    return Box(left, top, float(columns.max()) - left, float(rows.max()) - top)

@@ -12,7 +12,10 @@ from numba import njit
 
 from etd_ros.events import EVENT_DTYPE, Events
 from etd_ros.parameters import Parameters, parameter
+from etd_ros.simulation.motion import FloatArray
+from etd_ros.simulation.rendering import TILE, Renderer, Tiles
 from etd_ros.simulation.scene import Scene
+from etd_ros.simulation.steps import step_times_us
 
 NS_PER_S = 1_000_000_000
 NS_PER_US = 1_000
@@ -28,7 +31,10 @@ class SensorConfig(Parameters):
     threshold_spread: float = parameter(0.03, "standard deviation of the threshold over pixels", low=0.0, high=0.5)
     refractory_s: float = parameter(0.0005, "dead time of a pixel after an event (s)", low=0.0, high=1.0)
     noise_rate_hz: float = parameter(2000.0, "background events of the whole sensor (events/s)", low=0.0, high=1e6)
-    step_s: float = parameter(0.001, "time between renderings (s)", low=1e-5, high=0.1)
+    step_s: float = parameter(0.001, "time between renderings (s); the longest where they adapt", low=1e-5, high=0.1)
+    step_px: float = parameter(
+        0.0, "motion between renderings (pixels) that shortens their time; 0: all are step_s long", low=0.0, high=10.0
+    )
 
 
 def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig | None = None) -> Iterator[Events]:
@@ -45,19 +51,18 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
     shape = (scene.height, scene.width)
     spread = config.threshold_spread * rng.standard_normal((2, *shape))
     thresholds = np.maximum(config.contrast_threshold + spread, config.contrast_threshold / 4)
-    before = scene.render(0.0)
+    times_us = step_times_us(scene, step_s=config.step_s, step_px=config.step_px)
+    renderer = Renderer(scene, times_us / 1e6)
+    renderer.advance(0)
     # Each pixel starts somewhere between two events, or all would wait equally long for their first.
-    reference = before + thresholds[0] * rng.uniform(-1, 1, shape) / 2
-    last_us = np.full(shape, -(2**62), np.int64)
-    for step in range(round(scene.duration_s / config.step_s)):
-        first_us, end_us = (round(number * config.step_s * 1e6) for number in (step, step + 1))
-        after = scene.render((step + 1) * config.step_s)
-        signal = _crossings(
-            before, after, reference, thresholds, last_us, first_us, end_us, round(config.refractory_s * 1e6)
-        )
-        noise = _noise(rng, config, scene, first_us, end_us)
-        before = after
-        batch = np.concatenate([signal, noise])
+    reference = renderer.after + thresholds[0] * rng.uniform(-1, 1, shape) / 2
+    pixels = _Pixels(thresholds, reference, round(config.refractory_s * 1e6))
+    for number, (first_us, end_us) in enumerate(zip(times_us[:-1].tolist(), times_us[1:].tolist(), strict=True), 1):
+        renderer.advance(number)
+        # Thresholds that differ by polarity may make pixels fire at the start that nothing moved in.
+        tiles = renderer.changed if number > 1 else np.ones_like(renderer.changed)
+        signal = pixels.events(renderer.before, renderer.after, tiles, first_us, end_us)
+        batch = np.concatenate([signal, _noise(rng, config, scene, first_us, end_us)])
         if len(batch):
             batch = batch[np.argsort(batch["t"], kind="stable")]
             batch["t"] = start_ns + batch["t"] * NS_PER_US
@@ -67,7 +72,7 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
 def _noise(
     rng: np.random.Generator, config: SensorConfig, scene: Scene, first_us: int, end_us: int
 ) -> npt.NDArray[np.void]:
-    count = rng.poisson(config.noise_rate_hz * config.step_s)
+    count = rng.poisson(config.noise_rate_hz * (end_us - first_us) / 1e6)
     noise = np.empty(count, EVENT_DTYPE)
     noise["t"] = rng.integers(first_us, end_us, count)
     noise["x"] = rng.integers(0, scene.width, count)
@@ -76,33 +81,60 @@ def _noise(
     return noise
 
 
-def _crossings(
-    before: npt.NDArray[np.float64],
-    after: npt.NDArray[np.float64],
-    reference: npt.NDArray[np.float64],
-    thresholds: npt.NDArray[np.float64],
-    last_us: npt.NDArray[np.int64],
-    first_us: int,
-    end_us: int,
-    refractory_us: int,
-) -> npt.NDArray[np.void]:
-    """Events of one step, ordered by pixel; `reference` and `last_us` move on. Times in microseconds."""
-    changed = np.abs(after - reference) >= np.minimum(thresholds[0], thresholds[1])
-    capacity = int(np.count_nonzero(changed)) * CROSSINGS_MAX
-    t, x, y, p = (np.empty(capacity, EVENT_DTYPE[name]) for name in ("t", "x", "y", "p"))
-    count = _fill_crossings(before, after, reference, thresholds, last_us, first_us, end_us, refractory_us, t, x, y, p)
-    events = np.empty(count, EVENT_DTYPE)
-    events["t"], events["x"], events["y"], events["p"] = t[:count], x[:count], y[:count], p[:count]
-    return events
+class _Pixels:
+    """The sensor's pixels: the level of each at its last event, and the time of it.
+
+    Args:
+        thresholds: downwards and upwards, float64, shape (2, height, width).
+        reference: log intensity that each pixel compares with, float64, shape (height, width).
+        refractory_us: their dead time (us).
+    """
+
+    def __init__(self, thresholds: FloatArray, reference: FloatArray, refractory_us: int) -> None:
+        self._thresholds = thresholds
+        self._smallest = np.minimum(thresholds[0], thresholds[1])
+        self._reference = reference
+        self._last_us = np.full(reference.shape, -(2**62), np.int64)
+        self._refractory_us = refractory_us
+
+    def events(
+        self, before: FloatArray, after: FloatArray, tiles: Tiles, first_us: int, end_us: int
+    ) -> npt.NDArray[np.void]:
+        """Events of one step in the tiles that have changed, ordered by pixel; times in microseconds."""
+        capacity = _count_max(after, self._reference, self._smallest, tiles)
+        t, x, y, p = (np.empty(capacity, EVENT_DTYPE[name]) for name in ("t", "x", "y", "p"))
+        count = _fill_crossings(
+            before, after, self._reference, self._thresholds, self._last_us, tiles,
+            first_us, end_us, self._refractory_us, t, x, y, p,
+        )  # fmt: skip
+        events = np.empty(count, EVENT_DTYPE)
+        events["t"], events["x"], events["y"], events["p"] = t[:count], x[:count], y[:count], p[:count]
+        return events
+
+
+@njit(cache=True, nogil=True)
+def _count_max(after: FloatArray, reference: FloatArray, smallest: FloatArray, tiles: Tiles) -> int:
+    """How many events one step can have at most."""
+    count = 0
+    height, width = after.shape
+    for row in range(height):
+        for tile in range(tiles.shape[1]):
+            if tiles[row // TILE, tile]:
+                for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
+                    change = abs(after[row, column] - reference[row, column])
+                    if change >= smallest[row, column]:
+                        count += CROSSINGS_MAX
+    return count
 
 
 @njit(cache=True, nogil=True)
 def _fill_crossings(
-    before: npt.NDArray[np.float64],
-    after: npt.NDArray[np.float64],
-    reference: npt.NDArray[np.float64],
-    thresholds: npt.NDArray[np.float64],
+    before: FloatArray,
+    after: FloatArray,
+    reference: FloatArray,
+    thresholds: FloatArray,
     last_us: npt.NDArray[np.int64],
+    tiles: Tiles,
     first_us: int,
     end_us: int,
     refractory_us: int,
@@ -111,24 +143,30 @@ def _fill_crossings(
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
 ) -> int:
-    """Linear interpolation between two renderings gives each crossing's time; returns the number of events."""
+    """Linear interpolation between two renderings gives each crossing's time; returns the number of events.
+
+    `reference` and `last_us` move on.
+    """
     count = 0
     height, width = before.shape
     for row in range(height):
-        for column in range(width):
-            rising = after[row, column] > reference[row, column]
-            threshold = thresholds[1, row, column] if rising else -thresholds[0, row, column]
-            for _ in range(CROSSINGS_MAX):
-                level = reference[row, column] + threshold
-                if (after[row, column] < level) if rising else (after[row, column] > level):
-                    break
-                reference[row, column] = level
-                change = after[row, column] - before[row, column]
-                share = (level - before[row, column]) / change if change != 0.0 else 0.0
-                time_us = first_us + int(min(max(share, 0.0), 1.0) * (end_us - 1 - first_us))
-                if time_us - last_us[row, column] < refractory_us or count == len(t):
-                    continue
-                last_us[row, column] = time_us
-                t[count], x[count], y[count], p[count] = time_us, column, row, 1 if rising else 0
-                count += 1
+        for tile in range(tiles.shape[1]):
+            if not tiles[row // TILE, tile]:
+                continue
+            for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
+                rising = after[row, column] > reference[row, column]
+                threshold = thresholds[1, row, column] if rising else -thresholds[0, row, column]
+                for _ in range(CROSSINGS_MAX):
+                    level = reference[row, column] + threshold
+                    if (after[row, column] < level) if rising else (after[row, column] > level):
+                        break
+                    reference[row, column] = level
+                    change = after[row, column] - before[row, column]
+                    share = (level - before[row, column]) / change if change != 0.0 else 0.0
+                    time_us = first_us + int(min(max(share, 0.0), 1.0) * (end_us - 1 - first_us))
+                    if time_us - last_us[row, column] < refractory_us or count == len(t):
+                        continue
+                    last_us[row, column] = time_us
+                    t[count], x[count], y[count], p[count] = time_us, column, row, 1 if rising else 0
+                    count += 1
     return count

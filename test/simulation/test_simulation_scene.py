@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from etd_ros.boxes import Box
 from etd_ros.simulation import TEXTURES, Path, Scene, SimulationError, Sprite, Waypoint, demo_scene
 from etd_ros.simulation.textures import BRIGHT, DARK
 
@@ -25,7 +26,7 @@ def test_a_box_bounds_the_pixels_that_its_sprite_covers(x, y, scale):
     sprite = square("thing", x, y, scale=scale)
     cover = (np.exp(scene_of(sprite).render(0.0)) - GROUND) / (FRONT - GROUND)
     rows, columns = np.nonzero(cover >= 0.5)
-    box = sprite.box(0.0)
+    box = scene_of(sprite).box("thing", 0.0)
     # A pixel's centre is half a pixel from its border.
     assert columns.min() == pytest.approx(box.x, abs=0.501)
     assert columns.max() + 1 == pytest.approx(box.x + box.w, abs=0.501)
@@ -48,7 +49,7 @@ def test_later_sprites_hide_earlier_ones():
     assert image[24, 28] == pytest.approx(0.4)
     assert image[24, 35] == pytest.approx(FRONT)
     assert scene.visible_share("hidden", 0.0) == pytest.approx(0.5)
-    assert scene.boxes(0.0) == {"hidden": hidden.box(0.0)}
+    assert scene.boxes(0.0) == {"hidden": Box(26.0, 20.0, 12.0, 8.0)}
     assert scene.boxes(0.0, visible_min=0.51) == {}
 
 
@@ -78,14 +79,14 @@ def test_an_occluder_is_no_target():
 
 def test_a_path_runs_straight_between_two_waypoints_and_stays_at_its_ends():
     path = Path([Waypoint(1.0, 10.0, 20.0, 1.0), Waypoint(3.0, 30.0, 0.0, 2.0)])
-    assert path.at(2.0) == pytest.approx((20.0, 10.0, 1.5))
-    assert path.at(0.0) == pytest.approx((10.0, 20.0, 1.0))
-    assert path.at(9.0) == pytest.approx((30.0, 0.0, 2.0))
+    assert path.at(2.0) == pytest.approx((20.0, 10.0, 1.5, 0.0))
+    assert path.at(0.0) == pytest.approx((10.0, 20.0, 1.0, 0.0))
+    assert path.at(9.0) == pytest.approx((30.0, 0.0, 2.0, 0.0))
 
 
 def test_a_single_waypoint_stands_still():
     path = Path([Waypoint(1.0, 10.0, 20.0, 3.0)])
-    assert path.at(-5.0) == path.at(5.0) == (10.0, 20.0, 3.0)
+    assert path.at(-5.0) == path.at(5.0) == (10.0, 20.0, 3.0, 0.0)
 
 
 def test_a_path_goes_through_all_its_waypoints():
