@@ -8,7 +8,7 @@ from etd_ros.simulation.scene import Scene, Sprite
 from etd_ros.simulation.sensor import SensorConfig, simulate
 from etd_ros.simulation.suite import SUITE, Sequence, sequence_named
 from etd_ros.simulation.textures import TEXTURES
-from etd_ros.simulation.truth import Absence, AbsentTime, absent_times, visible_shares
+from etd_ros.simulation.truth import Absence, AbsentTime, absent_times, true_boxes, visible_shares
 
 __all__ = [
     "SUITE",
@@ -32,5 +32,6 @@ __all__ = [
     "random_sequence",
     "sequence_named",
     "simulate",
+    "true_boxes",
     "visible_shares",
 ]

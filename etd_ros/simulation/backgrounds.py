@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from etd_ros.simulation.photographs import photograph
 from etd_ros.simulation.textures import BRIGHT, DARK, Texture, checks, smooth_noise
@@ -65,5 +67,5 @@ BACKGROUNDS: dict[str, Callable[[np.random.Generator, int, int], Texture]] = {
 """Makes a background of a height and width (pixels), by name."""
 
 
-def _bounded(surface: Texture) -> Texture:
+def _bounded(surface: npt.NDArray[Any]) -> Texture:
     return np.asarray(np.clip(surface, DARK, BRIGHT), np.float64)

@@ -28,7 +28,7 @@ class Area:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """x and y of its middle."""
+        """Its middle (pixels)."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
     @property

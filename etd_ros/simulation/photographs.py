@@ -27,7 +27,8 @@ def photograph(rng: np.random.Generator, height: int, width: int) -> Texture:
 
     Args:
         rng: chooses.
-        height, width: of the texture (pixels).
+        height: of the texture (pixels).
+        width: of the texture (pixels).
 
     Returns:
         Intensities, float64, shape (height, width), within [DARK, BRIGHT].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from etd_ros.simulation.recipes import SENSOR, STAYS_AWAY, Recipe, make_scene
+from etd_ros.simulation.recipes import SENSOR, STAYS_AWAY, Recipe
 from etd_ros.simulation.scene import Scene
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.suite import Sequence
@@ -24,7 +24,8 @@ def random_sequence(
 
     Args:
         seed: 0 or more; no seed gives a sequence of the fixed suite.
-        width, height: sensor size (pixels).
+        width: sensor width (pixels).
+        height: sensor height (pixels).
         duration_s: how long it lasts.
         photographs: whether things and backgrounds may wear those of scikit-image's wheel.
 

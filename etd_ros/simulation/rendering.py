@@ -104,7 +104,8 @@ def sprite_cover(layers: Layers, placements: FloatArray, index: int, height: int
         layers: the scene's textures.
         placements: of background and sprites at a time, shape (1 + sprites, 4).
         index: of the sprite.
-        height, width: sensor size (pixels).
+        height: sensor height (pixels).
+        width: sensor width (pixels).
 
     Returns:
         Sums of opacity over the sensor's pixels.

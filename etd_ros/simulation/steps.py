@@ -11,7 +11,6 @@ from etd_ros.simulation.scene import Scene
 SAMPLE_S = 0.001
 """Distance of the times at which speeds are looked at."""
 STEPS_PER_FLICKER = 12
-STEP_MIN_US = 20
 
 
 def step_times_us(scene: Scene, *, step_s: float, step_px: float) -> npt.NDArray[np.int64]:
@@ -26,14 +25,15 @@ def step_times_us(scene: Scene, *, step_s: float, step_px: float) -> npt.NDArray
         return np.array([round(number * step_s * 1e6) for number in range(round(scene.duration_s / step_s) + 1)])
     times = np.arange(0, scene.duration_s + 2 * SAMPLE_S, SAMPLE_S)
     rate_hz = np.maximum(1 / step_s, fastest_px_s(scene, times) / step_px)
-    flickers = [light.flicker.rate_hz for light in (scene, *scene.sprites) if light.flicker is not None]
-    rate_hz = np.maximum(rate_hz, STEPS_PER_FLICKER * max(flickers, default=0.0))
+    flickers = [scene.flicker, *(sprite.flicker for sprite in scene.sprites)]
+    flicker_hz = max((flicker.rate_hz for flicker in flickers if flicker is not None), default=0.0)
+    rate_hz = np.maximum(rate_hz, STEPS_PER_FLICKER * flicker_hz)
     # The number of steps done by a time is the integral of their rate.
     done = np.concatenate([[0.0], np.cumsum((rate_hz[1:] + rate_hz[:-1]) / 2 * SAMPLE_S)])
     total = float(np.interp(scene.duration_s, times, done))
     count = max(1, int(np.ceil(total)))
     edges_us = np.rint(np.interp(np.arange(count + 1) * (total / count), done, times) * 1e6).astype(np.int64)
-    return edges_us[np.concatenate([[True], np.diff(edges_us) > 0])]
+    return np.unique(edges_us)
 
 
 def fastest_px_s(scene: Scene, times_s: FloatArray) -> FloatArray:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
+from etd_ros.boxes import Box
 from etd_ros.simulation.motion import FloatArray
 from etd_ros.simulation.rendering import Layers, sprite_cover
-from etd_ros.simulation.scene import Scene
+from etd_ros.simulation.scene import Scene, box_of
 
 HIDDEN_SHARE = 0.25
 """A target of which less can be seen is occluded."""
@@ -62,6 +63,21 @@ def visible_shares(scene: Scene, name: str, times_s: Sequence[float] | FloatArra
         covers = sprite_cover(layers, placements, index, scene.height, scene.width)
         sums[number] = np.array(covers) / (area * placements[1 + index, 2] ** 2)
     return Shares(sums[:, 0], sums[:, 1])
+
+
+def true_boxes(
+    scene: Scene, name: str, times_s: Sequence[float] | FloatArray, *, visible_min: float = 0.5
+) -> Iterator[tuple[float, Box]]:
+    """(time, exact box) of a target at those of the times (s, shape (n,)) at which so much of it can be seen.
+
+    Raises:
+        SimulationError: there is no such sprite.
+    """
+    index = scene.index_of(name)
+    visible = visible_shares(scene, name, times_s).visible
+    for time_s, share, placements in zip(times_s, visible, scene.placements(times_s), strict=True):
+        if share >= visible_min:
+            yield float(time_s), box_of(scene.sprites[index], placements[1 + index])
 
 
 def absent_times(scene: Scene, name: str) -> list[AbsentTime]:

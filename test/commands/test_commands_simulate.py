@@ -39,7 +39,7 @@ def test_a_seed_repeats_its_recording_and_another_makes_another(tmp_path):
 def test_the_bag_holds_packets_of_10_ms_and_nothing_else_is_left(tmp_path):
     simulated(tmp_path / "bag")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["bag.mcap", "boxes.csv", "metadata.yaml"]
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["absent.csv", "bag.mcap", "boxes.csv", "metadata.yaml"]
     with open_recording(tmp_path / "bag") as recording:
         assert (recording.topic, recording.width, recording.height) == ("/event_camera/events", 240, 180)
         packets = list(recording.packets())
