@@ -1,0 +1,105 @@
+"""`evaluate --suite`: how well a method tracks the targets of the simulated sequences."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from etd_ros.commands.output_files import check_outputs
+from etd_ros.commands.track import read_settings
+from etd_ros.evaluation import EvaluationError
+from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
+from etd_ros.simulation import SUITE, random_sequence, sequence_named
+from etd_ros.simulation import Sequence as Simulated
+from etd_ros.tracking import METHODS, method_named
+
+RANDOM_SIZES = ((240, 180), (346, 260))
+JOBS_MAX = 64
+HEADER = (
+    f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
+    f"{'recovered':>11}{'wrong':>7}"
+)
+
+
+def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("evaluate", help="score methods on simulated sequences", description=__doc__)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--list", action="store_true", help="print the methods' names, one a line")
+    what.add_argument("--suite", action="store_true", help="the fixed suite (see simulate --list)")
+    what.add_argument("--random", type=int, metavar="N", help="N random sequences of the same families")
+    parser.add_argument("--method", default="etd", help=f"one of {', '.join(METHODS)} (default: %(default)s)")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these sequences of the suite only")
+    parser.add_argument("--seed", type=int, default=0, help="of the first random sequence (default: %(default)s)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
+    parser.add_argument("--write", type=Path, metavar="FILE.csv", help="also write a row for each target")
+    parser.add_argument(
+        "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="one parameter, e.g. tracking.failure_iou=0.4"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Track, print a row for each sequence and the means; write the CSV.
+
+    Raises:
+        EvaluationError: a number that is out of range, or no target in any sequence.
+    """
+    if options.list:
+        print("\n".join(METHODS))
+        return 0
+    method_named(options.method)
+    settings = read_settings(options.config, options.set)
+    check_outputs(options.write)
+    sequences = _sequences(options)
+    results: list[TargetResult] = []
+    print(HEADER)
+    of_sequences = evaluate(sequences, method=options.method, settings=settings, jobs=options.jobs)
+    for sequence, found in zip(sequences, of_sequences, strict=True):
+        results += found
+        if found:
+            print(_row(sequence.name, found), flush=True)
+    if not results:
+        msg = "no target can be seen in any of the sequences: choose other ones"
+        raise EvaluationError(msg)
+    print(_row("all", results))
+    if options.write:
+        write_results(options.write, results)
+    return 0
+
+
+def _sequences(options: argparse.Namespace) -> list[Simulated]:
+    if not 1 <= options.jobs <= JOBS_MAX:
+        msg = f"--jobs {options.jobs} is out of range [1, {JOBS_MAX}]"
+        raise EvaluationError(msg)
+    if options.suite:
+        return [sequence_named(name) for name in options.only] if options.only else list(SUITE.values())
+    if options.random < 1 or options.seed < 0:
+        msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
+        raise EvaluationError(msg)
+    seeds = range(options.seed, options.seed + options.random)
+    return [random_sequence(seed, *RANDOM_SIZES[seed % len(RANDOM_SIZES)]) for seed in seeds]
+
+
+def _row(name: str, results: Sequence[TargetResult]) -> str:
+    """Means over targets of AP, AR and false boxes, the worst AP and delay, and sums."""
+    total = {
+        field.name: [getattr(result, field.name) for result in results] for field in dataclasses.fields(TargetResult)
+    }
+    sums = {
+        column: sum(total[column]) for column in ("occlusions", "survived", "left", "recoveries", "wrong_recoveries")
+    }
+    survived = f"{sums['survived']}/{sums['occlusions']}" if sums["occlusions"] else "-"
+    left_s = f"{max(total['left_s']):.2f}" if sums["left"] else "-"
+    left = [result.false_share for result in results if result.left]
+    false_share = f"{sum(left) / len(left):.2f}" if left else "-"
+    ap, ar = (sum(total[column]) / len(results) for column in ("ap", "ar"))
+    return (
+        f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{left_s:>8}{false_share:>7}"
+        f"{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
+    )
