@@ -104,7 +104,7 @@ class _Pixels:
         capacity = _count_max(after, self._reference, self._smallest, tiles)
         t, x, y, p = (np.empty(capacity, EVENT_DTYPE[name]) for name in ("t", "x", "y", "p"))
         count = _fill_crossings(
-            before, after, self._reference, self._thresholds, self._last_us, tiles,
+            before, after, self._reference, self._thresholds, self._smallest, self._last_us, tiles,
             first_us, end_us, self._refractory_us, t, x, y, p,
         )  # fmt: skip
         events = np.empty(count, EVENT_DTYPE)
@@ -133,6 +133,7 @@ def _fill_crossings(
     after: FloatArray,
     reference: FloatArray,
     thresholds: FloatArray,
+    smallest: FloatArray,
     last_us: npt.NDArray[np.int64],
     tiles: Tiles,
     first_us: int,
@@ -154,6 +155,8 @@ def _fill_crossings(
             if not tiles[row // TILE, tile]:
                 continue
             for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
+                if abs(after[row, column] - reference[row, column]) < smallest[row, column]:
+                    continue
                 rising = after[row, column] > reference[row, column]
                 threshold = thresholds[1, row, column] if rising else -thresholds[0, row, column]
                 for _ in range(CROSSINGS_MAX):
