@@ -23,14 +23,17 @@ def wall(rng: np.random.Generator, height: int, width: int) -> Texture:
 
 def cloudy(rng: np.random.Generator, height: int, width: int) -> Texture:
     """Patches of middling contrast."""
-    return _bounded(0.3 + rng.uniform(0.3, 0.6) * smooth_noise(rng, height, width, grain=rng.uniform(2.5, 5.0)))
+    return _bounded(
+        0.3
+        + rng.uniform(0.3, 0.6) * smooth_noise(rng, height, width, grain=min(height, width) * rng.uniform(0.015, 0.03))
+    )
 
 
 def clutter(rng: np.random.Generator, height: int, width: int) -> Texture:
     """Discs and boxes of all sizes and tones over each other (dead leaves), as a full shelf or a street."""
     image = np.full((height, width), 0.5)
     area, covered = height * width, 0.0
-    smallest, largest = 4.0, 0.25 * min(height, width)
+    smallest, largest = max(4.0, 0.025 * min(height, width)), 0.25 * min(height, width)
     while covered < 3 * area:
         # Sizes r with density r^-3 make pictures whose statistics do not depend on the scale.
         radius = 1 / np.sqrt(rng.uniform(1 / largest**2, 1 / smallest**2))
@@ -48,7 +51,7 @@ def clutter(rng: np.random.Generator, height: int, width: int) -> Texture:
 
 def tiles(rng: np.random.Generator, height: int, width: int) -> Texture:
     """Squares of random brightness."""
-    surface = checks(rng, height, width, cell=int(rng.integers(14, 34)))
+    surface = checks(rng, height, width, cell=round(min(height, width) * rng.uniform(0.07, 0.18)))
     return _bounded(0.25 + rng.uniform(0.3, 0.75) * surface)
 
 

@@ -56,6 +56,8 @@ def _recipe(rng: np.random.Generator, short: int, duration_s: float, photographs
     camera = str(rng.choice(["still", "still", "slide", "shake", "wander", "zoom"]))
     motion = str(rng.choice(["wander", "wander", "cross"] if camera == "still" else ["wander", "rest", "cross"]))
     event = rng.choice(["nothing", "nothing", "nothing", "occlusion", "occlusion", "leaving"])
+    # What hides large things hides everything.
+    can_hide = size < 0.35 * short and targets < 4
     return Recipe(
         tuple(str(kind) for kind in rng.choice(kinds, targets)),
         str(rng.choice(backgrounds)),
@@ -67,7 +69,7 @@ def _recipe(rng: np.random.Generator, short: int, duration_s: float, photographs
         spin_deg_s=float(rng.choice([0.0, 0.0, 45.0, 120.0])),
         camera=camera,
         camera_px_s=float(np.exp(rng.uniform(np.log(20), np.log(200)))),
-        occlusion_s=float(rng.uniform(0.1, 0.4)) if event == "occlusion" else 0.0,
+        occlusion_s=float(rng.uniform(0.1, 0.4)) if event == "occlusion" and can_hide else 0.0,
         leaves_s=float(rng.uniform(0.25, 0.5)) if event == "leaving" and motion != "rest" else 0.0,
         away_s=float(rng.choice([0.2, 0.4, STAYS_AWAY])),
         look_alikes=int(rng.choice([0, 0, 0, 1, 2])),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 
 from etd_ros.simulation.backgrounds import BACKGROUNDS
@@ -36,7 +37,11 @@ GREY = 0.45
 DARK_LIGHT = 0.04
 CAMERA_ZOOM = (1.0, 1.35)
 SHAKE_HZ_MEAN = 3.0
-PANEL_SPEED_PX_S = 220.0
+PANEL_SPEED_PX_S = 280.0
+RIM_CONTRAST_MIN = 0.4
+"""Of log intensity: an edge of less makes hardly an event."""
+TRIALS = 12
+COVERS_MAX = 2
 TURNS_S = (0.3, 0.8)
 """How long leaving or coming back takes."""
 
@@ -56,7 +61,7 @@ class Recipe:
         spin_deg_s: how fast they turn.
         camera: one of CAMERAS.
         camera_px_s: its speed (pixels/s).
-        occlusion_s: for how long each target is hidden in full; 0: it is not.
+        occlusion_s: for how long each of the first two targets is hidden in full; 0: it is not.
         leaves_s: when each target starts to leave, as a share of the duration; 0: it stays.
         away_s: until it starts to come back (s); STAYS_AWAY.
         look_alikes: things that look like the first target.
@@ -104,8 +109,9 @@ def make_scene(recipe: Recipe, width: int, height: int, rng: np.random.Generator
 class _Maker:
     def __init__(self, recipe: Recipe, width: int, height: int, rng: np.random.Generator) -> None:
         self._recipe, self._width, self._height, self._rng = recipe, width, height, rng
-        self._camera = self._camera_track()
         self._times = np.linspace(0, recipe.duration_s, 200)
+        self._camera = self._camera_track()
+        self._background = self._make_background()
 
     def scene(self) -> Scene:
         recipe = self._recipe
@@ -127,14 +133,16 @@ class _Maker:
         if recipe.occlusion_s > 0:
             covers = [
                 self._cover(f"cover_{number}", thing, track)
-                for number, (thing, track) in enumerate(zip(things[: recipe.targets], tracks, strict=False), 1)
+                for number, (thing, track) in enumerate(
+                    zip(things[: min(recipe.targets, COVERS_MAX)], tracks, strict=False), 1
+                )
             ]
         has_lamp = "lamp" in recipe.kinds
         return Scene(
             self._width,
             self._height,
             recipe.duration_s,
-            self._background(),
+            self._background,
             (*twins, *targets, *covers),
             view=self._view(),
             flicker=Flicker(recipe.flicker_hz, recipe.flicker_depth) if recipe.flicker_hz and not has_lamp else None,
@@ -147,12 +155,25 @@ class _Maker:
         things = []
         for kind in _cycled(self._recipe.kinds, self._recipe.targets):
             low, high = np.log(self._recipe.size_px)
-            texture, opacity = KINDS[kind](self._rng, max(6, round(float(np.exp(self._rng.uniform(low, high))))))
-            things.append((self._compressed(texture), opacity))
+            size = max(6, round(float(np.exp(self._rng.uniform(low, high)))))
+            things.append(self._thing(kind, size))
         for _ in range(self._recipe.look_alikes):
             texture, opacity = things[0]
             things.append((np.clip(texture * self._rng.uniform(0.93, 1.07), DARK / 2, BRIGHT * 1.1), opacity))
         return things
+
+    def _thing(self, kind: str, size: int) -> Thing:
+        """A thing whose rim can be told from the background, if one turns up within a few trials."""
+        ground = float(np.log(self._background).mean())
+        for _ in range(TRIALS):
+            texture, opacity = KINDS[kind](self._rng, size)
+            texture = self._compressed(texture)
+            inner = cv2.erode(opacity, np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+            is_rim = (opacity > 0.5) & (inner < 0.5)
+            stands_out = np.abs(np.log(texture[is_rim]) - ground) > RIM_CONTRAST_MIN * self._recipe.contrast
+            if stands_out.mean() > 0.5:
+                break
+        return texture, opacity
 
     def _areas(self, things: list[Thing]) -> list[Area]:
         """A part of the sensor for each thing's centre; the parts overlap a little."""
@@ -297,7 +318,7 @@ class _Maker:
             zoom = swings(self._rng, *CAMERA_ZOOM, self._recipe.duration_s)
         return Path.of(lambda times: (*self._camera(times), zoom(times)), self._recipe.duration_s)
 
-    def _background(self) -> Texture:
+    def _make_background(self) -> Texture:
         x, y = self._camera(self._times)
         width, height = (
             extent + 2 * math.ceil(float(np.abs(way).max())) for extent, way in ((self._width, x), (self._height, y))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 
 from etd_ros.simulation.motion import FloatArray
 from etd_ros.simulation.scene import Scene
@@ -16,6 +13,13 @@ TILE = 16
 """Side of the squares that are painted again as a whole (pixels)."""
 PLANES = 2
 """A sprite's texture pixel is its intensity times its opacity, and its opacity."""
+
+_MANTISSA_LENGTH, _MANTISSA_BITS = 52, 0x000FFFFFFFFFFFFF
+_ONE_BITS, _EXPONENT_OF_ONE = 0x3FF0000000000000, 0x3FF
+_ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
+_LOG_2 = 0.6931471805599453
+_R1, _R2, _R3, _R4 = 0.6666666666666735130, 0.3999999999940941908, 0.2857142874366239149, 0.2222219843214978396
+_R5, _R6, _R7 = 0.1818357216161805012, 0.1531383769920937332, 0.1479819860511658591
 
 Tiles = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
@@ -255,60 +259,34 @@ def _paint_sprite(
 def _to_log(
     image: FloatArray, shade: FloatArray, light: float, dark: float, log_intensity: FloatArray, tiles: Tiles
 ) -> None:
+    """Natural logarithm to its last digit or two, without branches, so that the compiler makes vectors of it.
+
+    As in Sun's fdlibm: x = 2^k (1 + f) with 1 + f in [sqrt(1/2), sqrt(2)), and log(1 + f) = 2 s + s R(s^2) for
+    s = f / (2 + f).
+    """
     height, width = image.shape
-    values = np.empty(TILE)
+    values, exponents = np.empty(TILE), np.empty(TILE)
     bits = values.view(np.int64)
     for row in range(height):
         for tile in range(tiles.shape[1]):
-            if tiles[row // TILE, tile]:
-                first = tile * TILE
-                count = min(width, first + TILE) - first
-                for i in range(count):
-                    values[i] = image[row, first + i] * shade[row, first + i] * light + dark
-                for i in range(count):
-                    log_intensity[row, first + i] = _log(bits[i])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _log(bits: int) -> float:
-    """Natural logarithm of the normal number above 0 that has these bits, to its last digit or two.
-
-    As in Sun's fdlibm, but without branches, so that the compiler makes a vector of it: x = 2^k (1 + f) with
-    1 + f in [sqrt(1/2), sqrt(2)), and log(1 + f) = 2 s + s R(s^2) for s = f / (2 + f).
-    """
-    # Half an octave up, so that the exponent's bits tell k.
-    shifted = bits + (0x3FF0000000000000 - 0x3FE6A09E667F3BCD)
-    k = (shifted >> 52) - 0x3FF
-    f = _float_of((shifted & 0x000FFFFFFFFFFFFF) + 0x3FE6A09E667F3BCD) - 1.0
-    s = f / (2.0 + f)
-    z = s * s
-    r = z * (
-        0.6666666666666735130
-        + z
-        * (
-            0.3999999999940941908
-            + z
-            * (
-                0.2857142874366239149
-                + z
-                * (
-                    0.2222219843214978396
-                    + z * (0.1818357216161805012 + z * (0.1531383769920937332 + z * 0.1479819860511658591))
-                )
-            )
-        )
-    )
-    return k * 0.6931471805599453 + (2.0 * s + s * r)
-
-
-@intrinsic
-def _float_of(typing_context: Any, bits: Any) -> Any:  # noqa: ARG001
-    """The float64 that has the bits of an int64."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
-        return builder.bitcast(arguments[0], context.get_value_type(types.float64))
-
-    return types.float64(types.int64), generate
+            if not tiles[row // TILE, tile]:
+                continue
+            first = tile * TILE
+            count = min(width, first + TILE) - first
+            for i in range(count):
+                values[i] = image[row, first + i] * shade[row, first + i] * light + dark
+            for i in range(count):
+                shifted = bits[i] + (_ONE_BITS - _ROOT_HALF_BITS)
+                exponents[i] = (shifted >> _MANTISSA_LENGTH) - _EXPONENT_OF_ONE
+                bits[i] = (shifted & _MANTISSA_BITS) + _ROOT_HALF_BITS
+            for i in range(count):
+                f = values[i] - 1.0
+                s = f / (2.0 + f)
+                z = s * s
+                r = _R7
+                for coefficient in (_R6, _R5, _R4, _R3, _R2, _R1):
+                    r = r * z + coefficient
+                log_intensity[row, first + i] = exponents[i] * _LOG_2 + (2.0 * s + s * (z * r))
 
 
 @njit(cache=True, nogil=True)

@@ -58,192 +58,237 @@ class Sequence:
         return dataclasses.replace(self, seed=seed)
 
 
-def _noisy(rate_hz: float) -> dict[str, object]:
-    return {"sensor": dataclasses.replace(SENSOR, noise_rate_hz=rate_hz)}
-
-
-def _listed() -> Iterator[tuple[str, str, tuple[int, int], Recipe]]:
-    yield "ball", "one ball before a plain wall", QVGA, Recipe(("ball",), "wall")
-    yield "dartboard", "a dartboard before clutter", QVGA, Recipe(("dartboard",), "clutter", size_px=(45, 55))
-    yield (
+_SEQUENCES = (
+    Sequence("ball", "one ball before a plain wall", 1000, *QVGA, Recipe(("ball",), "wall")),
+    Sequence(
+        "dartboard", "a dartboard before clutter", 1001, *QVGA, Recipe(("dartboard",), "clutter", size_px=(45, 55))
+    ),
+    Sequence(
         "trio",
         "three things of 30 to 50 px on wandering ways",
-        DAVIS,
+        1002,
+        *DAVIS,
         Recipe(ROUND, "cloudy", targets=3, duration_s=2.0),
-    )
-    yield (
+    ),
+    Sequence(
         "crowd",
         "eight things that pass by each other",
-        DAVIS,
+        1103,
+        *DAVIS,
         Recipe((*ROUND, "panel"), "wall", targets=8, size_px=(24, 40), duration_s=1.5),
-    )
-    yield (
+    ),
+    Sequence(
         "swarm",
         "20 things of 28 to 50 px",
-        VGA,
+        1004,
+        *VGA,
         Recipe((*ROUND, "panel", "car"), "cloudy", targets=20, size_px=(28, 50), speed_px_s=(60, 250), duration_s=1.2),
-    )
-    yield (
+    ),
+    Sequence(
         "tiny",
         "two things of 12 to 16 px",
-        QVGA,
+        1005,
+        *QVGA,
         Recipe(("ball", "panel"), "wall", targets=2, size_px=(12, 16), speed_px_s=(60, 150)),
-    )
-    yield (
+    ),
+    Sequence(
         "huge",
         "a thing of 200 px",
-        DAVIS,
+        1006,
+        *DAVIS,
         Recipe(("irregular",), "clutter", size_px=(195, 200), speed_px_s=(60, 100)),
-    )
-    yield (
+    ),
+    Sequence(
         "creep",
         "two things at 10 to 15 px/s",
-        QVGA,
+        1007,
+        *QVGA,
         Recipe(("dartboard", "car"), "wall", targets=2, speed_px_s=(10, 15), duration_s=2.5),
-    )
-    yield "throw", "a ball at 1000 px/s", DAVIS, Recipe(("ball",), "cloudy", speed_px_s=(1000, 1000), duration_s=1.2)
-    yield (
+    ),
+    Sequence(
+        "throw",
+        "a ball at 1000 px/s",
+        1008,
+        *DAVIS,
+        Recipe(("ball",), "cloudy", speed_px_s=(1000, 1000), duration_s=1.2),
+    ),
+    Sequence(
         "whirl",
         "a thing at 3000 px/s",
-        VGA,
+        1009,
+        *VGA,
         Recipe(("irregular",), "wall", size_px=(60, 70), speed_px_s=(3000, 3000), duration_s=0.8),
-    )
-    yield (
+    ),
+    Sequence(
         "slide",
         "a camera slides past four things that stand still",
-        QVGA,
+        1010,
+        *QVGA,
         Recipe(
-            ("dartboard", "ball", "irregular", "panel"), "cloudy", targets=4, motion="rest",
-            camera="slide", camera_px_s=60.0, duration_s=2.0,
+            ("dartboard", "ball", "irregular", "panel"),
+            "cloudy",
+            targets=4,
+            motion="rest",
+            camera="slide",
+            camera_px_s=60.0,
+            duration_s=2.0,
         ),
-    )  # fmt: skip
-    yield (
+    ),
+    Sequence(
         "slide-clutter",
         "a camera slides past three plain things before clutter",
-        DAVIS,
-        Recipe(
-            ("plain", "ball", "plain"), "clutter", targets=3, motion="rest", camera="slide", camera_px_s=100.0
-        ),
-    )  # fmt: skip
-    yield (
+        1011,
+        *DAVIS,
+        Recipe(("plain", "ball", "plain"), "clutter", targets=3, motion="rest", camera="slide", camera_px_s=100.0),
+    ),
+    Sequence(
         "pan",
         "a panning camera and two moving things",
-        DAVIS,
+        1012,
+        *DAVIS,
         Recipe(("ball", "car"), "clutter", targets=2, camera="wander", camera_px_s=150.0, duration_s=2.0),
-    )
-    yield (
+    ),
+    Sequence(
         "hand",
         "a hand-held camera and two moving things",
-        QVGA,
+        1013,
+        *QVGA,
         Recipe(("irregular", "ball"), "tiles", targets=2, camera="shake", camera_px_s=80.0),
-    )
-    yield (
+    ),
+    Sequence(
         "zoom",
         "a zooming, panning camera past things that stand still",
-        DAVIS,
+        1714,
+        *DAVIS,
         Recipe(
-            ("dartboard", "irregular"), "clutter", targets=2, motion="rest", camera="zoom", camera_px_s=60.0,
+            ("dartboard", "irregular"),
+            "clutter",
+            targets=2,
+            motion="rest",
+            camera="zoom",
+            camera_px_s=60.0,
             duration_s=2.0,
         ),
-    )  # fmt: skip
-    yield (
+    ),
+    Sequence(
         "spin",
         "a panel and an irregular thing that turn by 180 deg/s",
-        QVGA,
+        1015,
+        *QVGA,
         Recipe(("panel", "irregular"), "wall", targets=2, spin_deg_s=180.0, size_px=(40, 50)),
-    )
-    yield (
+    ),
+    Sequence(
         "breathe",
         "things that shrink to 0.6 and grow to 1.7 of their size",
-        DAVIS,
+        1016,
+        *DAVIS,
         Recipe(("ball", "irregular"), "cloudy", targets=2, scale=(0.6, 1.7), speed_px_s=(60, 120), duration_s=2.5),
-    )
-    yield (
+    ),
+    Sequence(
         "blink",
         "hidden for 0.1 s behind a pillar",
-        QVGA,
+        1017,
+        *QVGA,
         Recipe(("ball",), "cloudy", motion="cross", occlusion_s=0.1, speed_px_s=(140, 140)),
-    )
-    yield (
+    ),
+    Sequence(
         "pillar",
-        "hidden for 0.4 s behind a pillar",
-        DAVIS,
-        Recipe(("dartboard",), "clutter", motion="cross", occlusion_s=0.35, speed_px_s=(140, 140), duration_s=2.0),
-    )
-    yield (
+        "hidden for nearly 0.5 s behind a pillar",
+        1018,
+        *DAVIS,
+        Recipe(("dartboard",), "clutter", motion="cross", occlusion_s=0.32, speed_px_s=(140, 140), duration_s=2.0),
+    ),
+    Sequence(
         "panel",
         "two things hidden for 0.3 s by panels that pass by",
-        DAVIS,
+        1319,
+        *DAVIS,
         Recipe(("irregular", "ball"), "wall", targets=2, occlusion_s=0.25, speed_px_s=(50, 90), duration_s=2.0),
-    )
-    yield (
+    ),
+    Sequence(
         "slide-hidden",
         "hidden for 0.3 s while the camera slides",
-        DAVIS,
+        1020,
+        *DAVIS,
         Recipe(
-            ("dartboard",), "clutter", motion="rest", camera="slide", camera_px_s=70.0, occlusion_s=0.25,
-            duration_s=2.0,
+            ("dartboard",), "clutter", motion="rest", camera="slide", camera_px_s=70.0, occlusion_s=0.25, duration_s=2.0
         ),
-    )  # fmt: skip
-    yield (
+    ),
+    Sequence(
         "exit",
         "a thing leaves and stays away, another stays",
-        QVGA,
+        1021,
+        *QVGA,
         Recipe(("ball",), "cloudy", leaves_s=0.35, duration_s=2.0),
-    )
-    yield (
+    ),
+    Sequence(
         "return",
         "a thing leaves and comes back",
-        DAVIS,
+        1122,
+        *DAVIS,
         Recipe(("irregular",), "cloudy", leaves_s=0.3, away_s=0.3, duration_s=2.5),
-    )
-    yield (
+    ),
+    Sequence(
         "exit-pan",
         "two things leave before a panning camera",
-        DAVIS,
+        1023,
+        *DAVIS,
         Recipe(("car", "ball"), "clutter", targets=2, camera="wander", camera_px_s=100.0, leaves_s=0.4, duration_s=2.0),
-    )
-    yield "twins", "a ball among two that look alike", QVGA, Recipe(("ball",), "wall", look_alikes=2, duration_s=2.0)
-    yield (
+    ),
+    Sequence(
+        "twins",
+        "a ball among two that look alike",
+        1024,
+        *QVGA,
+        Recipe(("ball",), "wall", look_alikes=2, duration_s=2.0),
+    ),
+    Sequence(
         "twins-hidden",
         "a dartboard is hidden for 0.3 s while one like it goes on",
-        DAVIS,
+        1025,
+        *DAVIS,
         Recipe(("dartboard",), "cloudy", look_alikes=1, occlusion_s=0.25, speed_px_s=(60, 100), duration_s=2.0),
-    )
-    yield (
+    ),
+    Sequence(
         "mains",
         "light that flickers by 10 % at 100 Hz",
-        QVGA,
+        1026,
+        *QVGA,
         Recipe(("irregular", "ball"), "cloudy", targets=2, flicker_hz=100.0, flicker_depth=0.1),
-    )
-    yield (
+    ),
+    Sequence(
         "lamp",
         "a lamp that flickers by 40 % at 100 Hz, and a ball",
-        QVGA,
+        1027,
+        *QVGA,
         Recipe(("lamp", "ball"), "wall", targets=2, flicker_hz=100.0, flicker_depth=0.4),
-    )
-    yield (
+    ),
+    Sequence(
         "noise",
         "50,000 noise events/s",
-        QVGA,
-        Recipe(("ball", "irregular"), "wall", targets=2, **_noisy(50_000.0)),  # type: ignore[arg-type]
-    )
-    yield (
+        1028,
+        *QVGA,
+        Recipe(("ball", "irregular"), "wall", targets=2, sensor=dataclasses.replace(SENSOR, noise_rate_hz=50_000.0)),
+    ),
+    Sequence(
         "dusk",
         "light that falls by 12 over the sensor, low contrast",
-        DAVIS,
+        1029,
+        *DAVIS,
         Recipe(("irregular", "car"), "cloudy", targets=2, contrast=0.55, gradient=12.0),
-    )
-    yield (
+    ),
+    Sequence(
         "road",
         "three cars cross a street",
-        VGA,
+        1230,
+        *VGA,
         Recipe(("car",), "clutter", targets=3, size_px=(60, 110), motion="cross", speed_px_s=(150, 400)),
-    )
-    yield (
+    ),
+    Sequence(
         "hd",
         "four things of 60 to 200 px, still camera",
-        HD,
+        1031,
+        *HD,
         Recipe(
             ("ball", "irregular", "panel", "car"),
             "clutter",
@@ -252,11 +297,12 @@ def _listed() -> Iterator[tuple[str, str, tuple[int, int], Recipe]]:
             speed_px_s=(200, 600),
             duration_s=0.8,
         ),
-    )
-    yield (
+    ),
+    Sequence(
         "hd-pan",
         "three things of 60 to 150 px before a panning camera",
-        HD,
+        1032,
+        *HD,
         Recipe(
             ("dartboard", "car", "irregular"),
             "cloudy",
@@ -267,13 +313,10 @@ def _listed() -> Iterator[tuple[str, str, tuple[int, int], Recipe]]:
             camera_px_s=150.0,
             duration_s=0.8,
         ),
-    )
+    ),
+)
 
-
-SUITE: dict[str, Sequence] = {
-    name: Sequence(name, description, 1000 + number, *size, recipe)
-    for number, (name, description, size, recipe) in enumerate(_listed())
-}
+SUITE: dict[str, Sequence] = {sequence.name: sequence for sequence in _SEQUENCES}
 """The fixed sequences by name."""
 
 
