@@ -77,8 +77,11 @@ def _sequences(options: argparse.Namespace) -> list[Simulated]:
     if not 1 <= options.jobs <= JOBS_MAX:
         msg = f"--jobs {options.jobs} is out of range [1, {JOBS_MAX}]"
         raise EvaluationError(msg)
+    if options.only and not options.suite:
+        msg = f"--only {' '.join(options.only)} names sequences of the suite: give --suite"
+        raise EvaluationError(msg)
     if options.suite:
-        return [sequence_named(name) for name in options.only] if options.only else list(SUITE.values())
+        return [sequence_named(name) for name in options.only] or list(SUITE.values())
     if options.random < 1 or options.seed < 0:
         msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
         raise EvaluationError(msg)

@@ -117,7 +117,7 @@ def evaluate_sequence(
         for report in step.reports:
             tracks[report.name].append(TrackRow(stamp_ns, report.name, report.box, report.score, report.state.value))
     scores = score(tracks, truth) if truth else {}
-    return [_Judge(scene, name, tracks[name], truth[name]).result(sequence.name, scores[name]) for name in truth]
+    return [Judge(scene, name, tracks[name], truth[name]).result(sequence.name, scores[name]) for name in truth]
 
 
 def write_results(path: Path, results: Iterable[TargetResult]) -> None:
@@ -144,8 +144,15 @@ def _stamp_ns(time_s: float) -> int:
     return START_NS + round(time_s * NS_PER_S)
 
 
-class _Judge:
-    """What a target's track says at the times that matter."""
+class Judge:
+    """What a target's track says at the times that matter.
+
+    Args:
+        scene: where the target is.
+        name: its name.
+        track: its rows, in order of time.
+        labels: its truth at the times at which it can be seen, at least one, in order of time.
+    """
 
     def __init__(self, scene: Scene, name: str, track: Sequence[TrackRow], labels: Sequence[TimedBox]) -> None:
         self._scene, self._name = scene, name
@@ -155,6 +162,7 @@ class _Judge:
         self._absences = [absence for absence in absences if _stamp_ns(absence.start_s) > labels[0].stamp_ns]
 
     def result(self, sequence: str, of_labels: Score) -> TargetResult:
+        """All figures of the target, with the score of its labels."""
         survived = [self._survives(absence) for absence in self._of(Absence.OCCLUDED) if self._after(absence)]
         left = self._of(Absence.LEFT)
         recovered = self._recoveries()

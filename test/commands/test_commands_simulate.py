@@ -1,12 +1,16 @@
 """The command `simulate`: a bag with its truth."""
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 from etd_ros.cli import main
 from etd_ros.commands import simulate as command
 from etd_ros.evaluation import read_boxes
+from etd_ros.events import Events
 from etd_ros.recordings import open_recording
-from etd_ros.simulation import Scene, demo_scene
+from etd_ros.simulation import SUITE, Scene, demo_scene
 
 
 @pytest.fixture
@@ -39,7 +43,12 @@ def test_a_seed_repeats_its_recording_and_another_makes_another(tmp_path):
 def test_the_bag_holds_packets_of_10_ms_and_nothing_else_is_left(tmp_path):
     simulated(tmp_path / "bag")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["absent.csv", "bag.mcap", "boxes.csv", "metadata.yaml"]
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
+        "absent.csv",
+        "bag.mcap",
+        "boxes.csv",
+        "metadata.yaml",
+    ]
     with open_recording(tmp_path / "bag") as recording:
         assert (recording.topic, recording.width, recording.height) == ("/event_camera/events", 240, 180)
         packets = list(recording.packets())
@@ -88,3 +97,56 @@ def test_an_interrupt_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "write_boxes", interrupted)
     assert main(["simulate", "demo", "--output", str(tmp_path / "bag")]) == 130
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_list_tells_what_each_sequence_tests(capsys):
+    assert main(["simulate", "--list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["demo", *SUITE]
+    assert all(sequence.description in line for sequence, line in zip(SUITE.values(), lines[1:], strict=True))
+
+
+@pytest.fixture
+def short_suite(monkeypatch):
+    """Two sequences of the suite: one of 0.2 s, and one in which something leaves."""
+    ball = SUITE["ball"]
+    short = dataclasses.replace(ball, recipe=dataclasses.replace(ball.recipe, duration_s=0.2))
+    monkeypatch.setattr(command, "SUITE", {"ball": short, "exit": SUITE["exit"]})
+
+
+@pytest.mark.usefixtures("short_suite")
+def test_the_whole_suite_goes_into_a_folder_each(tmp_path):
+    assert main(["simulate", "suite", "--output", str(tmp_path / "all")]) == 0
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["ball", "exit"]
+    with open_recording(tmp_path / "all" / "ball") as recording:
+        events = b"".join(events.to_structured().tobytes() for events in recording.events())
+    made = command.SUITE["ball"].events(start_ns=command.START_NS)
+    assert events == b"".join(batch.to_structured().tobytes() for batch in made)
+
+
+@pytest.mark.usefixtures("short_suite")
+def test_absences_lie_on_the_events_clock_beside_the_boxes(tmp_path):
+    assert main(["simulate", "exit", "--output", str(tmp_path / "exit")]) == 0
+    header, row = (tmp_path / "exit" / "absent.csv").read_text().splitlines()
+    assert header == "target,start_ns,end_ns,reason"
+    target, start_ns, end_ns, reason = row.split(",")
+    assert (target, reason) == ("ball_1", "left")
+    assert int(end_ns) == command.START_NS + 2_000_000_000
+    labels = read_boxes(tmp_path / "exit" / "boxes.csv")["ball_1"]
+    assert labels[-1].stamp_ns < int(start_ns)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["ball"], "no --output"), (["suite", "--seed", "1", "--output", "x"], "whose seeds are fixed")],
+)
+def test_what_cannot_be_simulated_is_refused(capsys, arguments, message):
+    assert main(["simulate", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_packets_end_on_the_clock_and_hold_all_events():
+    t = np.array([0, 3, 9_999_999, 10_000_000, 35_000_000, 36_000_000], np.int64)
+    events = Events(t, *(np.zeros(6, np.uint16) for _ in range(2)), np.zeros(6, np.uint8), 8, 8)
+    made = list(command.packets([events[:1], events[1:4], events[4:]]))
+    assert [packet.t.tolist() for packet in made] == [t[:3].tolist(), t[3:4].tolist(), t[4:].tolist()]
