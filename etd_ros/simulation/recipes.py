@@ -38,8 +38,8 @@ DARK_LIGHT = 0.04
 CAMERA_ZOOM = (1.0, 1.35)
 SHAKE_HZ_MEAN = 3.0
 PANEL_SPEED_PX_S = 280.0
-RIM_CONTRAST_MIN = 0.4
-"""Of log intensity: an edge of less makes hardly an event."""
+RIM_CONTRAST_MIN, RIM_SHARE_MIN = 0.3, 0.35
+"""Of log intensity: an edge of less makes hardly an event; and for how much of the rim."""
 TRIALS = 12
 COVERS_MAX = 2
 TURNS_S = (0.3, 0.8)
@@ -171,7 +171,7 @@ class _Maker:
             inner = cv2.erode(opacity, np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
             is_rim = (opacity > 0.5) & (inner < 0.5)
             stands_out = np.abs(np.log(texture[is_rim]) - ground) > RIM_CONTRAST_MIN * self._recipe.contrast
-            if stands_out.mean() > 0.5:
+            if stands_out.mean() > RIM_SHARE_MIN:
                 break
         return texture, opacity
 

@@ -216,7 +216,7 @@ _SEQUENCES = (
     ),
     Sequence(
         "exit",
-        "a thing leaves and stays away, another stays",
+        "a ball leaves and stays away",
         1021,
         *QVGA,
         Recipe(("ball",), "cloudy", leaves_s=0.35, duration_s=2.0),
@@ -280,7 +280,7 @@ _SEQUENCES = (
     Sequence(
         "road",
         "three cars cross a street",
-        1230,
+        1430,
         *VGA,
         Recipe(("car",), "clutter", targets=3, size_px=(60, 110), motion="cross", speed_px_s=(150, 400)),
     ),
