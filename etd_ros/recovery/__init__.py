@@ -1,6 +1,7 @@
 """Finds a lost target on the reconstructed images."""
 
+from etd_ros.recovery.config import RecoveryConfig
 from etd_ros.recovery.interface import Found, RecoveryError, RecoveryTracker
-from etd_ros.recovery.opencv import RecoveryConfig, make_recovery
+from etd_ros.recovery.making import make_recovery
 
 __all__ = ["Found", "RecoveryConfig", "RecoveryError", "RecoveryTracker", "make_recovery"]

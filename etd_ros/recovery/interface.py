@@ -39,3 +39,14 @@ class RecoveryTracker(Protocol):
     def search(self, image: npt.NDArray[np.uint8], last_box: Box) -> Found | None:
         """Look for the target; `last_box` is its last box. None: it was not found convincingly."""
         ...
+
+
+def check_image(image: npt.NDArray[np.uint8]) -> None:
+    """Refuse what is no grey image.
+
+    Raises:
+        RecoveryError: not uint8 of shape (h, w), or empty.
+    """
+    if image.ndim != 2 or image.dtype != np.uint8 or not image.size:
+        msg = f"recovery searches grey images, uint8 of shape (height, width), not {image.dtype} {image.shape}"
+        raise RecoveryError(msg)

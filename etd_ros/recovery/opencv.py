@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.parameters import Parameters, parameter
 from etd_ros.recovery.appearance import (
     PATCH_SIDE_MAX,
     Exemplar,
@@ -24,57 +23,13 @@ from etd_ros.recovery.appearance import (
     crop,
     cut_window,
 )
-from etd_ros.recovery.interface import Found, RecoveryError, RecoveryTracker
+from etd_ros.recovery.config import RecoveryConfig
+from etd_ros.recovery.interface import Found, RecoveryError, check_image
 
 EXEMPLARS_MAX = 4
 CSRT_SCALES = 9
 CANDIDATE_MARGIN = 0.05
 """A place may look this much worse than `score_min` before the tracker has put the box right."""
-
-
-@dataclass(frozen=True)
-class RecoveryConfig(Parameters):
-    """Parameters of the recovery of lost targets."""
-
-    tracker: str = parameter(
-        "csrt",
-        "OpenCV tracker that puts the found box right; nano, vit and dasiamrpn need model files",
-        choices=("csrt", "kcf", "nano", "vit", "dasiamrpn"),
-    )
-    score_min: float = parameter(
-        0.75,
-        "smallest correlation with the remembered target that counts as found: lower finds sooner, and wrong ones",
-        low=0.0,
-        high=1.0,
-    )
-    texture_min: float = parameter(
-        5.0, "smallest standard deviation of a target's pixels (grey levels): less is not compared", low=0.1, high=127.0
-    )
-    size_ratio_max: float = parameter(
-        1.6, "largest ratio, either way, of the found width or height to the remembered one", low=1.0, high=10.0
-    )
-    search_scale: float = parameter(
-        3.0, "width and height of the first search region, in those of the remembered target", low=1.0, high=100.0
-    )
-    search_growth: float = parameter(
-        0.1, "what a search without success adds to the scale of the search region", low=0.0, high=100.0
-    )
-    search_scale_max: float = parameter(
-        8.0, "largest scale of the search region: larger reaches farther and costs time", low=1.0, high=100.0
-    )
-    exemplar_interval: int = parameter(
-        20,
-        "tracked images from one remembered appearance to the next; one is used once the next has come, "
-        "because what a failing tracker saw last is often not the target",
-        low=1,
-        high=100_000,
-    )
-    nano_backbone: str = parameter("", "file of the nano tracker's backbone (ONNX)")
-    nano_head: str = parameter("", "file of the nano tracker's neck and head (ONNX)")
-    vit_model: str = parameter("", "file of the vit tracker's network (ONNX)")
-    dasiamrpn_model: str = parameter("", "file of the dasiamrpn tracker's network (ONNX)")
-    dasiamrpn_kernel_cls1: str = parameter("", "file of the dasiamrpn tracker's classification kernel (ONNX)")
-    dasiamrpn_kernel_r1: str = parameter("", "file of the dasiamrpn tracker's regression kernel (ONNX)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,54 +58,48 @@ KINDS = {
 }
 
 
-def make_recovery(config: RecoveryConfig | None = None) -> Callable[[], RecoveryTracker]:
-    """What makes a recovery tracker for each target; everything that can fail is tried here.
+def tracker_maker(name: str, config: RecoveryConfig) -> Callable[[], Any]:
+    """What makes an OpenCV tracker, one of `KINDS`, whose files the configuration names.
 
     Raises:
         RecoveryError: this OpenCV lacks the tracker, or a model file is not named, not there, or not readable.
     """
-    config = config or RecoveryConfig()
-    make_tracker = _tracker_maker(config)
-    return lambda: OpenCvRecovery(config, make_tracker)
-
-
-def _tracker_maker(config: RecoveryConfig) -> Callable[[], Any]:
-    kind = KINDS[config.tracker]
+    kind = KINDS[name]
     create = getattr(cv2, f"{kind.class_name}_create", None)
     if create is None:
         msg = (
-            f"recovery tracker {config.tracker!r}: OpenCV {cv2.__version__} has no {kind.class_name}; install OpenCV "
+            f"recovery tracker {name!r}: OpenCV {cv2.__version__} has no {kind.class_name}; install OpenCV "
             f">= {kind.since} (pip: opencv-contrib-python-headless; Ubuntu: python3-opencv), or choose another tracker"
         )
         raise RecoveryError(msg)
-    if config.tracker == "kcf":
+    if name == "kcf":
         return create  # type: ignore[no-any-return]
     parameters = getattr(cv2, f"{kind.class_name}_Params")()
-    if config.tracker == "csrt":
+    if name == "csrt":
         # Its defaults enlarge every target to 200 pixels and segment it by colour; an exemplar is grey, and has no
         # more than PATCH_SIDE_MAX pixels a side to show.
         parameters.template_size = float(PATCH_SIDE_MAX)
         parameters.number_of_scales = CSRT_SCALES
         parameters.use_segmentation = False
         return lambda: create(parameters)
-    for attribute, name in kind.files:
-        setattr(parameters, attribute, str(_model_file(config, name)))
+    for attribute, field in kind.files:
+        setattr(parameters, attribute, str(_model_file(config, name, field)))
     try:
         create(parameters)
     except cv2.error as err:
-        files = ", ".join(getattr(config, name) for _, name in kind.files)
-        msg = f"recovery tracker {config.tracker!r}: OpenCV cannot load {files}: give the ONNX files made for it"
+        files = ", ".join(getattr(config, field) for _, field in kind.files)
+        msg = f"recovery tracker {name!r}: OpenCV cannot load {files}: give the ONNX files made for it"
         raise RecoveryError(msg) from err
     return lambda: create(parameters)
 
 
-def _model_file(config: RecoveryConfig, name: str) -> Path:
-    path = Path(getattr(config, name))
-    if not getattr(config, name):
-        msg = f"recovery tracker {config.tracker!r} needs a model: set the parameter {name} to its ONNX file"
+def _model_file(config: RecoveryConfig, tracker: str, field: str) -> Path:
+    path = Path(getattr(config, field))
+    if not getattr(config, field):
+        msg = f"recovery tracker {tracker!r} needs a model: set the parameter {field} to its ONNX file"
         raise RecoveryError(msg)
     if not path.is_file() or not os.access(path, os.R_OK):
-        msg = f"{path}: no readable file; set the parameter {name} to the ONNX file of {config.tracker!r}"
+        msg = f"{path}: no readable file; set the parameter {field} to the ONNX file of {tracker!r}"
         raise RecoveryError(msg)
     return path
 
@@ -197,7 +146,7 @@ class OpenCvRecovery:
         Raises:
             RecoveryError: not such an image.
         """
-        _check_image(image)
+        check_image(image)
         self._searches = 0
         self._images_since += 1
         if self._exemplars and self._images_since < self._config.exemplar_interval:
@@ -220,7 +169,7 @@ class OpenCvRecovery:
         Raises:
             RecoveryError: `image` is not uint8 of shape (h, w).
         """
-        _check_image(image)
+        check_image(image)
         scale = self._config.search_scale + self._config.search_growth * self._searches
         region = self._remembered_size(last_box).scaled(
             min(scale, max(self._config.search_scale_max, self._config.search_scale))
@@ -291,9 +240,3 @@ class OpenCvRecovery:
             return False
         column, row = box.center
         return bool(0 <= column < image.shape[1] and 0 <= row < image.shape[0])
-
-
-def _check_image(image: GreyImage) -> None:
-    if image.ndim != 2 or image.dtype != np.uint8 or not image.size:
-        msg = f"recovery searches grey images, uint8 of shape (height, width), not {image.dtype} {image.shape}"
-        raise RecoveryError(msg)

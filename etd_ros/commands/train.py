@@ -1,0 +1,78 @@
+"""`train`: the weights of the compact recovery network, from simulated sequences alone."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as ProgressBar
+
+from etd_ros.parameters import described
+from etd_ros.recovery import RecoveryError
+from etd_ros.recovery.making import missing_libraries
+from etd_ros.recovery.training.config import TrainingConfig
+
+DEVICES = ("cpu", "cuda")
+
+
+def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("train", help="train the network that finds lost targets", description=__doc__)
+    parser.add_argument(
+        "--output", type=Path, required=True, help="folder of weights, checkpoint and log (compact.safetensors, ...)"
+    )
+    parser.add_argument("--cache", type=Path, required=True, help="folder of the simulated sequences; kept for later")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
+    parser.add_argument("--device", choices=DEVICES, default="cpu", help="where to train (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=1, help="of the training on a CPU (default: %(default)s)")
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="end after this time, should the steps take longer"
+    )
+    for name, default, description in described(TrainingConfig):
+        option = f"--{name.replace('_', '-')}"
+        parser.add_argument(
+            option, type=type(default), default=default, help=f"{description.text} (default: %(default)s)"
+        )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Train, or go on training.
+
+    Raises:
+        RecoveryError: torch or safetensors are missing.
+        TrainingError: there is no such device, files cannot be read or written, or the training fails.
+        ParameterError: a setting is out of its range.
+        SimulationError: scikit-image, whose photographs are used, is not installed.
+    """
+    if missing := missing_libraries():
+        msg = f"train needs {' and '.join(missing)}: pip install {' '.join(missing)}"
+        raise RecoveryError(msg)
+    # torch takes seconds to import, which no other command should wait for.
+    from etd_ros.recovery.training.loop import Progress, Training, prepare
+    from etd_ros.recovery.training.sequences import SequenceCache
+
+    config = TrainingConfig(**{name: getattr(options, name) for name, _, _ in described(TrainingConfig)})
+    prepare(options.device, options.threads, options.minutes)
+    training = Training(
+        config, SequenceCache(options.cache), options.output, device=options.device, minutes=options.minutes
+    )
+    if options.resume:
+        training.resume()
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with ProgressBar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("simulating the first sequences", total=1.0)
+
+        def show(progress: Progress) -> None:
+            text = f"step {progress.step}, loss {progress.loss:.3f}"
+            bar.update(task, description=text, completed=progress.share)
+            if progress.figures is not None:
+                found, recall = progress.figures.found, progress.figures.recall
+                console.print(f"{text}; validation: found {found:.3f}, at 1 % false alarms {recall:.3f}")
+
+        training.run(show)
+    return 0

@@ -1,0 +1,162 @@
+"""DaSiamRPN (Zhu et al. 2018) with the layers and names of the published models, so that their files load."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from etd_ros.recovery.appearance import GreyImage
+from etd_ros.recovery.interface import RecoveryError
+
+EXEMPLAR_SIDE = 127
+STRIDE = 8
+ANCHORS = ((104, 32), (88, 40), (64, 64), (40, 80), (32, 96))
+"""Width and height (pixels of the window)."""
+FILE_BYTES_MAX = 1 << 30
+LOG_RATIO_MAX = 4.0
+SIZES = {256: (1, 256), 512: (2, 512)}
+"""Backbone width (times the narrow one's) and head width, by the channels that the backbone gives: VOT, OTB; BIG."""
+
+
+class Kernels(NamedTuple):
+    """An exemplar: correlation kernels of the boxes, shape (20, width, 4, 4), and of the scores, (10, width, 4, 4)."""
+
+    box: Tensor
+    score: Tensor
+
+
+class SiamRpn(nn.Module):
+    """The network. Crops are BGR grey levels 0..255, float32, shape (n, 3, rows, columns), without padding inside.
+
+    Args:
+        size: width of the backbone: 1 (SiamRPNVOT, SiamRPNOTB) or 2 (SiamRPNBIG).
+        width: channels of the heads, 256 or 512.
+    """
+
+    def __init__(self, size: int = 1, width: int = 256) -> None:
+        super().__init__()
+        channels = [3, *(size * count for count in (96, 256, 384, 384, 256))]
+        kernels, strides = (11, 5, 3, 3, 3), (2, 1, 1, 1, 1)
+        layers: list[nn.Module] = []
+        for index, (kernel, stride) in enumerate(zip(kernels, strides, strict=True)):
+            layers += [nn.Conv2d(channels[index], channels[index + 1], kernel, stride)]
+            layers += [nn.BatchNorm2d(channels[index + 1])]
+            layers += [nn.MaxPool2d(3, 2)] if index < 2 else []
+            layers += [nn.ReLU(inplace=True)] if index < 4 else []
+        count, last = len(ANCHORS), channels[-1]
+        # The names are those of the published files.
+        self.featureExtract = nn.Sequential(*layers)
+        self.conv_r1 = nn.Conv2d(last, width * 4 * count, 3)
+        self.conv_r2 = nn.Conv2d(last, width, 3)
+        self.conv_cls1 = nn.Conv2d(last, width * 2 * count, 3)
+        self.conv_cls2 = nn.Conv2d(last, width, 3)
+        self.regress_adjust = nn.Conv2d(4 * count, 4 * count, 1)
+
+    def remember(self, exemplar: Tensor) -> Kernels:
+        """The kernels of one exemplar, shape (1, 3, 127, 127)."""
+        features = self.featureExtract(exemplar)
+        box, score = self.conv_r1(features)[0], self.conv_cls1(features)[0]
+        count = len(ANCHORS)
+        return Kernels(box.view(4 * count, -1, *box.shape[1:]), score.view(2 * count, -1, *score.shape[1:]))
+
+    def window(self, crop: Tensor) -> tuple[Tensor, Tensor]:
+        """What of a window, shape (1, 3, rows, columns), is correlated with the kernels of boxes and of scores."""
+        features = self.featureExtract(crop)
+        return self.conv_r2(features), self.conv_cls2(features)
+
+    def match(self, kernels: Kernels, window: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+        """Scores 0 to 1, shape (5, rows, columns), and changes of the anchors, (4, 5, rows, columns), of an exemplar
+        with a window; places are 8 pixels apart, the middle one in the middle of the window."""
+        changes: Tensor = self.regress_adjust(functional.conv2d(window[0], kernels.box))[0]
+        logits = functional.conv2d(window[1], kernels.score)[0]
+        rows, columns = logits.shape[-2:]
+        count = len(ANCHORS)
+        scores = logits.view(2, count, rows, columns).softmax(0)[1]
+        return scores, changes.view(4, count, rows, columns)
+
+
+def boxes_of(changes: Tensor, size: tuple[int, int]) -> Tensor:
+    """Boxes as centre x, y, width, height on a window, shape (4, 5, rows, columns).
+
+    Args:
+        changes: of the anchors, the same shape.
+        size: columns and rows of the window (pixels).
+    """
+    rows, columns = changes.shape[-2:]
+    x = size[0] / 2 + STRIDE * (torch.arange(columns) - (columns - 1) / 2)
+    y = (size[1] / 2 + STRIDE * (torch.arange(rows) - (rows - 1) / 2))[:, None]
+    widths, heights = torch.tensor(ANCHORS, dtype=torch.float32).T[:, :, None, None]
+    ratios = changes[2:].clamp(-LOG_RATIO_MAX, LOG_RATIO_MAX).exp()
+    return torch.stack([x + changes[0] * widths, y + changes[1] * heights, widths * ratios[0], heights * ratios[1]])
+
+
+def load_siamrpn(path: Path) -> SiamRpn:
+    """The network with the weights of a published file (SiamRPNVOT, SiamRPNOTB or SiamRPNBIG), for inference.
+
+    The file is read as plain numbers: no code in it is run.
+
+    Raises:
+        RecoveryError: no readable file, not a file of weights, or of another network.
+    """
+    if not path.is_file() or not os.access(path, os.R_OK):
+        msg = f"{path}: no readable file; set the parameter siamrpn_model to SiamRPNVOT.model, or another of DaSiamRPN"
+        raise RecoveryError(msg)
+    if path.stat().st_size > FILE_BYTES_MAX:
+        msg = f"{path}: {path.stat().st_size >> 20} MiB are too many for DaSiamRPN: give its own .model file"
+        raise RecoveryError(msg)
+    state = _state(path)
+    network = _shaped_like(state, path)
+    expected = network.state_dict()
+    # Files older than the counter of batches lack it; inference does not use it.
+    needed = {name for name in expected if not name.endswith("num_batches_tracked")}
+    for name in sorted(needed | set(state)):
+        there, wanted = (tuple(values[name].shape) if name in values else None for values in (state, expected))
+        if there != wanted:
+            msg = f"{path}: {name} is {there or 'missing'}, DaSiamRPN's is {wanted or 'not there'}: give a .model of it"
+            raise RecoveryError(msg)
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in state.values()):
+        msg = f"{path}: holds numbers that are not finite: the file is damaged, get it again"
+        raise RecoveryError(msg)
+    network.load_state_dict(state, strict=False)
+    return network.eval()
+
+
+def _state(path: Path) -> dict[str, Tensor]:
+    try:
+        loaded: Any = torch.load(path, map_location="cpu", weights_only=True)
+    # Whatever a damaged file makes of the unpickler: it is refused, with its reason.
+    except (OSError, RuntimeError, ValueError, EOFError, KeyError, TypeError, AttributeError, IndexError) as err:
+        raise _unreadable(path, err) from err
+    except pickle.UnpicklingError as err:
+        raise _unreadable(path, err) from err
+    tensors = loaded.items() if isinstance(loaded, dict) else ()
+    if not tensors or not all(isinstance(name, str) and isinstance(value, Tensor) for name, value in tensors):
+        msg = f"{path}: no weights by name; give SiamRPNVOT.model or another .model file of DaSiamRPN"
+        raise RecoveryError(msg)
+    return dict(tensors)
+
+
+def _unreadable(path: Path, err: Exception) -> RecoveryError:
+    reason = " ".join(str(err).split())[:80]
+    return RecoveryError(f"{path}: not a file of plain weights ({reason}...): get DaSiamRPN's .model file again")
+
+
+def _shaped_like(state: dict[str, Tensor], path: Path) -> SiamRpn:
+    weights = state.get("conv_r1.weight")
+    channels = int(weights.shape[1]) if weights is not None and weights.dim() == 4 else 0
+    if channels not in SIZES:
+        msg = f"{path}: conv_r1.weight is of none of DaSiamRPN's networks: give SiamRPNVOT, OTB or BIG"
+        raise RecoveryError(msg)
+    return SiamRpn(*SIZES[channels])
+
+
+def as_bgr(pixels: GreyImage) -> Tensor:
+    """A grey crop, uint8, shape (rows, columns), as the network takes it, shape (1, 3, rows, columns)."""
+    return torch.from_numpy(np.ascontiguousarray(pixels)).float().expand(1, 3, -1, -1)

@@ -1,0 +1,7 @@
+"""The area's error."""
+
+from etd_ros.errors import EtdError
+
+
+class TrainingError(EtdError):
+    """A training that cannot start or go on: settings, cache, checkpoint, or missing libraries."""

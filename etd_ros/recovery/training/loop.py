@@ -1,0 +1,228 @@
+"""The training: steps on pairs, a figure now and then, and checkpoints to go on from."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import pickle
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import torch
+
+from etd_ros.recovery.compact import Compact
+from etd_ros.recovery.training.config import AugmentationConfig, TrainingConfig
+from etd_ros.recovery.training.errors import TrainingError
+from etd_ros.recovery.training.loss import losses_of
+from etd_ros.recovery.training.making import SequenceMaker
+from etd_ros.recovery.training.pairs import PairSampler
+from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.validation import Figures, Tensors, tensors_of, validate
+from etd_ros.recovery.weights_file import save_compact
+
+CHECKPOINT_NAME, LOG_NAME, WEIGHTS_NAME = "checkpoint.pt", "log.csv", "compact.safetensors"
+LOG_COLUMNS = (
+    "step",
+    "seconds",
+    "learning_rate",
+    "score",
+    "box",
+    "other",
+    *(f"validation_{n}" for n in Figures._fields),
+)
+TRAINING_STREAM, VALIDATION_STREAM = 5, 6
+GRADIENT_MAX = 5.0
+THREADS_MAX = 1024
+AVERAGED_STEPS = 50
+
+
+def prepare(device: str, threads: int, minutes: float) -> None:
+    """Check what the training is to run on, and give torch and OpenCV their threads.
+
+    Raises:
+        TrainingError: no such device here, or an impossible number of threads or minutes.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        msg = "device 'cuda': torch finds no CUDA here; install a CUDA build of torch, or train with --device cpu"
+        raise TrainingError(msg)
+    if not 1 <= threads <= THREADS_MAX or not minutes > 0:
+        msg = f"{threads} threads for {minutes:g} minutes: give 1 to {THREADS_MAX} threads and more than 0 minutes"
+        raise TrainingError(msg)
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(threads)
+
+
+class Progress(NamedTuple):
+    """What a watcher is told after a step: steps done, the share of the training, the loss lately, figures if new."""
+
+    step: int
+    share: float
+    loss: float
+    figures: Figures | None
+
+
+class Training:
+    """A training that can stop after any step and go on from its checkpoint as if it had not.
+
+    Every batch follows from the seed and the step's number, and so does the step size unless `minutes` limits it.
+
+    Args:
+        config: what is trained.
+        cache: folder of the simulated sequences.
+        output: folder of checkpoint, log and weights.
+        device: where it runs.
+        minutes: the step size falls so that it ends after this time, or the steps, whichever comes first.
+        augmentation: how pairs are made harder.
+    """
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        cache: SequenceCache,
+        output: Path,
+        *,
+        device: str = "cpu",
+        minutes: float = math.inf,
+        augmentation: AugmentationConfig | None = None,
+    ) -> None:
+        self._config, self._cache, self._output = config, cache, output
+        self._device, self._limit_s = torch.device(device), 60 * minutes
+        torch.manual_seed(config.seed)
+        self.network = Compact().to(self._device)
+        # A third less time for a step on a CPU.
+        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+        self._sampler = PairSampler(cache.sequence, augmentation)
+        self.step, self._before_s = 0, 0.0
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            msg = f"{output}: no folder for the results ({err.strerror or err}): name one that you may write"
+            raise TrainingError(msg) from err
+
+    def resume(self) -> None:
+        """Go on from the checkpoint in the output folder.
+
+        Raises:
+            TrainingError: there is none, or it is damaged or of another configuration.
+        """
+        path = self._output / CHECKPOINT_NAME
+        try:
+            saved: dict[str, Any] = torch.load(path, map_location=self._device, weights_only=True)
+            same = {name: value for name, value in saved["config"].items() if name != "steps"}
+            wanted = {name: value for name, value in dataclasses.asdict(self._config).items() if name != "steps"}
+            if same != wanted:
+                names = ", ".join(sorted(name for name in wanted if same.get(name) != wanted[name]))
+                msg = f"{path}: was made with another {names}: give the same, or start anew in another folder"
+                raise TrainingError(msg)
+            self.network.load_state_dict(saved["network"])
+            self._optimiser.load_state_dict(saved["optimiser"])
+            self.step, self._before_s = int(saved["step"]), float(saved["seconds"])
+        except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError, pickle.UnpicklingError) as err:
+            msg = f"{path}: no checkpoint to go on from ({' '.join(str(err).split())[:80]}): train without --resume"
+            raise TrainingError(msg) from err
+
+    def run(self, watch: Callable[[Progress], None], *, until: int | None = None) -> None:
+        """Train to the end, or to step `until`; checkpoint, log and weights are written at intervals and at the end.
+
+        Raises:
+            TrainingError: files cannot be written, or the loss is not finite.
+        """
+        config = self._config
+        last = min(config.steps, config.steps if until is None else until)
+        maker = SequenceMaker(self._cache, config)
+        started = time.monotonic() - self._before_s
+        averages: list[tuple[float, float, float]] = []
+        try:
+            validation = self._validation(maker)
+            while self.step < last and time.monotonic() - started < self._limit_s:
+                maker.wait_for(config.pool(self.step))
+                share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
+                losses = self._take_step(share)
+                averages = [*averages[1 - AVERAGED_STEPS :], losses]
+                self.step += 1
+                figures = None
+                if self.step % config.interval == 0 or self.step == last:
+                    figures = validate(self.network, validation)
+                    self._save(time.monotonic() - started, averages, figures)
+                watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
+            if time.monotonic() - started >= self._limit_s:
+                self._save(time.monotonic() - started, averages, validate(self.network, validation))
+        finally:
+            maker.stop()
+
+    def _take_step(self, share: float) -> tuple[float, float, float]:
+        config = self._config
+        rng = np.random.default_rng([TRAINING_STREAM, config.seed, self.step])
+        batch = tensors_of(self._sampler.batch(rng, np.arange(config.pool(self.step)), config.batch), self._device)
+        for group in self._optimiser.param_groups:
+            group["lr"] = self._learning_rate(share)
+        kernels, features = self.network.remember(batch.exemplars, batch.sizes), self.network.features(batch.windows)
+        response = self.network.match(kernels, features)
+        # The neighbour's exemplar is of another sequence: a negative pair for the price of a correlation.
+        others = self.network.score(kernels.score.roll(1, 0), features)[:, 0]
+        losses = losses_of(response, others, batch.sizes, batch.boxes, batch.visible)
+        total = losses.total
+        if not bool(torch.isfinite(total)):
+            msg = f"the loss is not finite at step {self.step}: train anew with a smaller learning_rate"
+            raise TrainingError(msg)
+        self._optimiser.zero_grad(set_to_none=True)
+        total.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_MAX)
+        self._optimiser.step()
+        return float(losses.score.detach()), float(losses.box.detach()), float(losses.other.detach())
+
+    def _learning_rate(self, share: float) -> float:
+        rising = min(1.0, (self.step + 1) / (self._config.warm_up_steps + 1))
+        return self._config.learning_rate * rising * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
+
+    def _validation(self, maker: SequenceMaker) -> list[Tensors]:
+        config = self._config
+        maker.wait_for_validation()
+        seeds = VALIDATION_SEEDS + np.arange(config.validation_sequences)
+        return [
+            tensors_of(
+                self._sampler.batch(np.random.default_rng([VALIDATION_STREAM, number]), seeds, config.batch),
+                self._device,
+            )
+            for number in range(config.validation_batches)
+        ]
+
+    def _save(self, seconds: float, averages: list[tuple[float, float, float]], figures: Figures) -> None:
+        state = {
+            "network": self.network.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+            "step": self.step,
+            "seconds": seconds,
+            "config": dataclasses.asdict(self._config),
+        }
+        try:
+            partial = self._output / f".{CHECKPOINT_NAME}"
+            torch.save(state, partial)
+            partial.replace(self._output / CHECKPOINT_NAME)
+            about = {"steps": str(self.step), "seed": str(self._config.seed), "recall": f"{figures.recall:.4f}"}
+            partial = self._output / f".{WEIGHTS_NAME}"
+            save_compact(self.network, partial, about)
+            partial.replace(self._output / WEIGHTS_NAME)
+            self._log(seconds, averages, figures)
+        except OSError as err:
+            msg = f"{self._output}: cannot be written ({err.strerror or err}): make room or name another folder"
+            raise TrainingError(msg) from err
+
+    def _log(self, seconds: float, averages: list[tuple[float, float, float]], figures: Figures) -> None:
+        path = self._output / LOG_NAME
+        is_new = not path.is_file()
+        rate = self._optimiser.param_groups[0]["lr"]
+        numbers = (seconds, rate, *np.mean(averages, 0).tolist(), *figures)
+        with path.open("a", newline="") as file:
+            writer = csv.writer(file)
+            if is_new:
+                writer.writerow(LOG_COLUMNS)
+            writer.writerow((self.step, *(f"{number:.6g}" for number in numbers)))

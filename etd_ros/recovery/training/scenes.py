@@ -1,0 +1,100 @@
+"""Random scenes to learn from: several things at a time, some of them nearly twins, on sensors of all kinds."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from etd_ros.reconstruction import HighPassConfig
+from etd_ros.simulation import Recipe, Scene, SensorConfig, Sprite, make_scene
+
+WIDTH, HEIGHT = 240, 180
+DURATION_S = 1.6
+SIDE_PX = (13.0, 100.0)
+"""Of the things: an exemplar is brought to one size, so larger ones look the same, with less noise."""
+SPEED_PX_S_MEDIAN = 150.0
+STEP_S, STEP_PX = 0.005, 0.6
+TWIN_SHARE = 0.5
+"""Of scenes with several things, one wears another's surface turned over: hard to tell apart, but not impossible."""
+KINDS = ("ball", "dartboard", "car", "irregular", "plain", "panel", "picture", "picture", "picture")
+BACKGROUNDS = ("wall", "cloudy", "clutter", "tiles", "photo", "photo", "photo")
+CAMERAS = ("still", "still", "slide", "shake", "wander", "zoom")
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A scene, the sensor before it and the reconstruction behind that."""
+
+    scene: Scene
+    sensor: SensorConfig
+    reconstruction: HighPassConfig
+
+
+def random_situation(rng: np.random.Generator) -> Situation:
+    """A scene of 1.6 s on a 240x180 sensor; `rng` decides everything.
+
+    Raises:
+        SimulationError: scikit-image, whose photographs are used, is not installed.
+    """
+    recipe = _recipe(rng)
+    scene = make_scene(recipe, WIDTH, HEIGHT, rng)
+    if recipe.targets > 1 and rng.random() < TWIN_SHARE:
+        scene = _with_twin(scene, rng)
+    # The default most of the time, as the images it will see are made with it.
+    cutoff_hz = HighPassConfig().cutoff_hz if rng.random() < 0.6 else _log_uniform(rng, 1.0, 10.0)
+    return Situation(scene, recipe.sensor, HighPassConfig(cutoff_hz=cutoff_hz))
+
+
+def _recipe(rng: np.random.Generator) -> Recipe:
+    targets = int(rng.choice([1, 2, 2, 3, 3, 4]))
+    side = _log_uniform(rng, SIDE_PX[0], SIDE_PX[1] / targets**0.5)
+    speed = float(np.clip(SPEED_PX_S_MEDIAN * np.exp(rng.normal(0, 1)), 10, 2000))
+    camera = str(rng.choice(CAMERAS))
+    motion = str(rng.choice(["wander", "wander", "cross"] if camera == "still" else ["wander", "rest", "cross"]))
+    return Recipe(
+        tuple(rng.choice(KINDS, targets).tolist()),
+        str(rng.choice(BACKGROUNDS)),
+        targets=targets,
+        size_px=(max(SIDE_PX[0], 0.6 * side), 1.5 * side),
+        speed_px_s=(0.5 * speed, 1.5 * speed),
+        motion=motion,
+        scale=(float(rng.uniform(0.6, 0.95)), float(rng.uniform(1.05, 1.6))) if rng.random() < 0.5 else (1.0, 1.0),
+        spin_deg_s=float(rng.choice([0.0, 0.0, 30.0, 90.0])),
+        camera=camera,
+        camera_px_s=_log_uniform(rng, 20, 300),
+        occlusion_s=float(rng.uniform(0.1, 0.4)) if rng.random() < 0.3 else 0.0,
+        flicker_hz=100.0 if rng.random() < 0.1 else 0.0,
+        flicker_depth=float(rng.uniform(0.05, 0.15)),
+        contrast=float(rng.uniform(0.4, 1.0)),
+        gradient=float(rng.choice([1.0, 1.0, 1.0, 4.0, 12.0])),
+        duration_s=DURATION_S,
+        sensor=_sensor(rng),
+    )
+
+
+def _sensor(rng: np.random.Generator) -> SensorConfig:
+    threshold = _log_uniform(rng, 0.08, 0.4)
+    return SensorConfig(
+        contrast_threshold=threshold,
+        threshold_spread=threshold * float(rng.uniform(0.02, 0.25)),
+        refractory_s=float(rng.choice([0.0, 0.0005, 0.001])),
+        noise_rate_hz=_log_uniform(rng, 300, 50_000),
+        step_s=STEP_S,
+        step_px=STEP_PX,
+    )
+
+
+def _with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
+    """The scene with one thing mirrored or turned upside down in another's place."""
+    first, second = rng.choice([index for index, sprite in enumerate(scene.sprites) if sprite.is_target], 2, False)
+    model, replaced = scene.sprites[first], scene.sprites[second]
+    turned = np.s_[:, ::-1] if rng.random() < 0.5 else np.s_[::-1, ::-1]
+    twin = Sprite(replaced.name, model.texture[turned].copy(), model.opacity[turned].copy(), replaced.path)
+    sprites = [twin if index == second else sprite for index, sprite in enumerate(scene.sprites)]
+    return dataclasses.replace(scene, sprites=tuple(sprites))
+
+
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
