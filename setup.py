@@ -22,7 +22,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=["etd_ros", "etd_ros.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={"etd_ros": ["py.typed"], "msg_adapters": ["py.typed"]},
+    package_data={"etd_ros": ["py.typed", "recovery/weights/*.safetensors"], "msg_adapters": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -42,6 +42,7 @@ setup(
         "aedat": ["aedat>=2.3"],
         "bench": BENCHMARK_PEERS,
         "plot": ["matplotlib>=3.6"],
+        "recovery": ["torch>=2.2", "safetensors>=0.4"],
         "test": TEST_REQUIREMENTS,
     },
     tests_require=TEST_REQUIREMENTS,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.interface import RecoveryError
@@ -20,7 +20,7 @@ NETWORK = "etd_ros compact 1"
 def save_compact(network: Compact, path: Path, about: Mapping[str, str]) -> None:
     """Write the weights; `about` goes into the file's metadata."""
     state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    save_file(state, path, {"network": NETWORK, **about})
+    path.write_bytes(save(state, {"network": NETWORK, **about}))
 
 
 def load_compact(path: Path = SHIPPED) -> Compact:

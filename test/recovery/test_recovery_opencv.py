@@ -35,7 +35,7 @@ def scene(sprite: np.ndarray | None, box: Box, *, width=WIDTH, height=HEIGHT, se
 
 
 def after_a_loss(image: np.ndarray, box: Box, *, remembered: int = 50, **options):
-    tracker = make_recovery(RecoveryConfig(**options))()
+    tracker = make_recovery(RecoveryConfig(**{"tracker": "csrt", **options}))()
     for _ in range(remembered):
         tracker.remember(image, box)
     return tracker
@@ -136,7 +136,7 @@ def test_a_remembered_image_may_be_reused():
 
 
 def test_without_a_textured_memory_nothing_is_found():
-    tracker = make_recovery()()
+    tracker = make_recovery(RecoveryConfig(tracker="csrt"))()
     assert tracker.search(scene(texture(1, 40, 36), START), START) is None
     tracker.remember(np.full((HEIGHT, WIDTH), 128, np.uint8), START)
     tracker.remember(scene(texture(1, 40, 36), START), Box(-60, 10, 40, 36))
@@ -144,7 +144,7 @@ def test_without_a_textured_memory_nothing_is_found():
 
 
 def test_trackers_of_different_targets_share_nothing():
-    make = make_recovery()
+    make = make_recovery(RecoveryConfig(tracker="csrt"))
     first, second = make(), make()
     first.remember(scene(texture(1, 40, 36), START), START)
     assert second.search(scene(texture(1, 40, 36), START), START) is None
@@ -171,7 +171,7 @@ def test_any_box_is_survived_and_what_is_found_lies_on_the_image(x, y, w, h, see
 
 
 def test_images_that_are_not_grey_are_refused():
-    tracker = make_recovery()()
+    tracker = make_recovery(RecoveryConfig(tracker="csrt"))()
     for image in (np.zeros((9, 9, 3), np.uint8), np.zeros((9, 9), np.float32), np.zeros((0, 9), np.uint8)):
         with pytest.raises(RecoveryError, match="grey images"):
             tracker.search(image, START)
@@ -195,7 +195,7 @@ def test_models_that_are_not_named_not_there_or_not_models_are_refused_at_once(t
 def test_an_opencv_without_the_tracker_is_named_with_the_cure(monkeypatch):
     monkeypatch.delattr(cv2, "TrackerCSRT_create")
     with pytest.raises(RecoveryError, match="has no TrackerCSRT; install OpenCV .*contrib"):
-        make_recovery()
+        make_recovery(RecoveryConfig(tracker="csrt"))
 
 
 def test_an_unknown_tracker_is_refused():

@@ -142,19 +142,19 @@ class Training:
         averages: list[tuple[float, float, float]] = []
         try:
             validation = self._validation(maker)
-            while self.step < last and time.monotonic() - started < self._limit_s:
+            is_over = self.step >= last
+            while not is_over:
                 maker.wait_for(config.pool(self.step))
                 share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
                 losses = self._take_step(share)
                 averages = [*averages[1 - AVERAGED_STEPS :], losses]
                 self.step += 1
+                is_over = self.step == last or time.monotonic() - started >= self._limit_s
                 figures = None
-                if self.step % config.interval == 0 or self.step == last:
+                if is_over or self.step % config.interval == 0:
                     figures = validate(self.network, validation)
                     self._save(time.monotonic() - started, averages, figures)
                 watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
-            if time.monotonic() - started >= self._limit_s:
-                self._save(time.monotonic() - started, averages, validate(self.network, validation))
         finally:
             maker.stop()
 

@@ -1,0 +1,50 @@
+"""`train` leaves weights behind, goes on where it stopped, and says in one line what is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from etd_ros.cli import main
+from etd_ros.recovery import RecoveryConfig, make_recovery, making
+
+TINY = (
+    *("--steps", "2", "--batch", "2", "--sequences", "1", "--first-sequences", "1"),
+    *("--validation-sequences", "1", "--validation-batches", "1", "--interval", "1"),
+)
+
+
+def test_it_trains_goes_on_and_its_weights_serve_a_tracker(place):
+    assert main(["train", "--output", "out", "--cache", "cache", *TINY]) == 0
+    assert sorted(path.name for path in (place / "out").iterdir()) == [
+        "checkpoint.pt",
+        "compact.safetensors",
+        "log.csv",
+    ]
+    longer = [*TINY[:1], "3", *TINY[2:]]
+    assert main(["train", "--output", "out", "--cache", "cache", "--resume", *longer]) == 0
+    steps = [line.partition(",")[0] for line in (place / "out" / "log.csv").read_text().splitlines()]
+    assert steps == ["step", "1", "2", "3"]
+    make_recovery(RecoveryConfig(tracker="compact", compact_model=str(place / "out" / "compact.safetensors")))()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--resume"], "no checkpoint to go on from"),
+        (["--steps", "0"], "steps = 0 is out of range"),
+        (["--minutes", "-1"], "more than 0 minutes"),
+        (["--threads", "0"], "give 1 to"),
+    ],
+)
+def test_bad_input_is_one_line(place, capsys, arguments, said):
+    assert main(["train", "--output", "out", "--cache", "cache", *arguments]) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) == 1
+    assert said in error[0]
+
+
+def test_without_torch_it_says_how_to_get_it(place, capsys, monkeypatch):
+    monkeypatch.setattr(making, "find_spec", lambda _: None)
+    assert main(["train", "--output", "out", "--cache", "cache"]) == 2
+    assert "pip install torch safetensors" in capsys.readouterr().err
+    assert not list(place.iterdir())

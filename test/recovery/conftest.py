@@ -1,0 +1,20 @@
+"""What the tests of training share: sequences, simulated once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recovery_trainings import SHORT
+
+from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+
+
+@pytest.fixture(scope="session")
+def sequence_folder(tmp_path_factory) -> Path:
+    """A cache that holds all that SHORT needs."""
+    folder = tmp_path_factory.mktemp("sequences")
+    cache = SequenceCache(folder)
+    for seed in (*range(SHORT.sequences), VALIDATION_SEEDS):
+        cache.make(seed)
+    return folder

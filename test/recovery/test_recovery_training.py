@@ -1,0 +1,151 @@
+"""A training learns, goes on where it stopped, and refuses what it cannot use."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from recovery_trainings import SHORT
+
+from etd_ros.recovery.training.errors import TrainingError
+from etd_ros.recovery.training.loop import Progress, Training, prepare
+from etd_ros.recovery.training.making import SequenceMaker
+from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.weights_file import load_compact
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    prepare("cpu", 1, 1.0)
+
+
+@pytest.fixture
+def training(sequence_folder, tmp_path):
+    def make(name: str = "out", config=SHORT, **options) -> Training:
+        return Training(config, SequenceCache(sequence_folder), tmp_path / name, **options)
+
+    return make
+
+
+def run(training: Training, **options) -> list[Progress]:
+    progress: list[Progress] = []
+    training.run(progress.append, **options)
+    return progress
+
+
+def test_a_short_training_lowers_the_loss_on_sequences_it_has_not_seen(training):
+    progress = run(training())
+    assert [item.step for item in progress] == list(range(1, 61))
+    figures = [item.figures for item in progress if item.figures is not None]
+    assert len(figures) == 2
+    assert progress[-1].loss < 0.7 * progress[0].loss
+    assert figures[1].loss < figures[0].loss
+
+
+def test_going_on_from_a_checkpoint_is_the_same_as_not_stopping(training):
+    straight = training("straight")
+    run(straight, until=40)
+    run(training("stopped"), until=30)
+    resumed = training("stopped")
+    resumed.resume()
+    assert resumed.step == 30
+    run(resumed, until=40)
+    for name, value in straight.network.state_dict().items():
+        assert torch.equal(value, resumed.network.state_dict()[name]), name
+
+
+def test_log_and_weights_are_left_behind(training, tmp_path):
+    run(training(), until=30)
+    with (tmp_path / "out" / "log.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["30"]
+    assert 0 < float(rows[0]["validation_loss"]) < 100
+    load_compact(tmp_path / "out" / "compact.safetensors")
+    assert not list((tmp_path / "out").glob(".*"))
+
+
+def test_the_step_size_rises_then_falls_with_the_time_that_is_left(training):
+    sizes = []
+    watched = training(minutes=1e9)
+    watched.run(lambda _: sizes.append(watched._optimiser.param_groups[0]["lr"]))
+    top = int(np.argmax(sizes))
+    assert 3 <= top <= 8
+    assert sizes[-1] < 0.05 * sizes[top]
+
+
+def test_a_training_ends_when_its_time_is_over(training, tmp_path):
+    progress = run(training(minutes=1e-9))
+    assert [item.step for item in progress] == [1]
+    assert (tmp_path / "out" / "compact.safetensors").is_file()
+
+
+def test_missing_damaged_and_other_checkpoints_are_refused(training, tmp_path):
+    with pytest.raises(TrainingError, match="no checkpoint to go on from"):
+        training("none").resume()
+    run(training(), until=1)
+    with pytest.raises(TrainingError, match="was made with another batch, seed"):
+        training(config=dataclasses.replace(SHORT, batch=5, seed=9)).resume()
+    path = tmp_path / "out" / "checkpoint.pt"
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(TrainingError, match="no checkpoint to go on from"):
+        training().resume()
+
+
+class _Evil:
+    def __init__(self, trace) -> None:
+        self._trace = trace
+
+    def __reduce__(self):
+        return os.mkdir, (str(self._trace),)
+
+
+def test_code_in_a_checkpoint_is_not_run(training, tmp_path):
+    evil = training()
+    trace = tmp_path / "was_run"
+    (tmp_path / "out" / "checkpoint.pt").write_bytes(pickle.dumps(_Evil(trace), protocol=2))
+    with pytest.raises(TrainingError, match="no checkpoint"):
+        evil.resume()
+    assert not trace.exists()
+
+
+def test_sequences_are_made_beside_the_training(tmp_path):
+    cache = SequenceCache(tmp_path)
+    config = dataclasses.replace(SHORT, sequences=1, first_sequences=1)
+    maker = SequenceMaker(cache, config)
+    try:
+        maker.wait_for_validation()
+        maker.wait_for(1)
+    finally:
+        maker.stop()
+    assert cache.has(0)
+    assert len(cache.sequence(VALIDATION_SEEDS).images) > 50
+
+
+def test_a_maker_that_fails_is_noticed(tmp_path):
+    cache = SequenceCache(tmp_path / "cache")
+    maker = SequenceMaker(cache, dataclasses.replace(SHORT, sequences=1, first_sequences=1))
+    maker.stop()
+    with pytest.raises(TrainingError, match="was not simulated"):
+        maker.wait_for_validation()
+
+
+def test_impossible_devices_threads_and_times_are_refused():
+    if not torch.cuda.is_available():
+        with pytest.raises(TrainingError, match="torch finds no CUDA"):
+            prepare("cuda", 1, 1.0)
+    for threads, minutes in ((0, 1.0), (1, 0.0), (1, float("nan"))):
+        with pytest.raises(TrainingError, match="threads for"):
+            prepare("cpu", threads, minutes)
+
+
+def test_folders_that_cannot_be_made_are_named(tmp_path, sequence_folder):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TrainingError, match="no folder for the cache"):
+        SequenceCache(tmp_path / "file" / "cache")
+    with pytest.raises(TrainingError, match="no folder for the results"):
+        Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out")
