@@ -46,6 +46,14 @@ class View(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class _Distractor:
+    """What looked like the target, by how much it did, and the network's template of it."""
+
+    score: float
+    template: Any
+
+
+@dataclass(frozen=True, slots=True)
 class Candidate:
     """The likeliest place of a search.
 
@@ -64,7 +72,7 @@ class SiameseRecovery:
     """A `RecoveryTracker`. One network serves all targets; each keeps what its own target looked like.
 
     `remember` only copies pixels, because it is called while tracking is right and must not slow that down. The first
-    search after a loss makes exemplars and distractors of them.
+    searches after a loss make exemplars and distractors of them.
     """
 
     def __init__(self, matcher: Matcher, config: RecoveryConfig) -> None:
@@ -75,7 +83,8 @@ class SiameseRecovery:
         self._newest: View | None = None
         self._recent: deque[View] = deque(maxlen=SURROUNDINGS_MAX)
         self._templates: list[Any] = []
-        self._distractors: list[Any] = []
+        self._unlearnt: list[View] = []
+        self._distractors: list[_Distractor] = []
         self._images_since = 0
         self._searches = 0
         self._agreeing: list[Box] = []
@@ -135,14 +144,14 @@ class SiameseRecovery:
         """The likeliest place in this search's part of the image, of a plausible size; None if there is none."""
         if self._first is None:
             return None
-        if not self._templates:
-            self._learn()
+        self._learn()
         w, h = (self._settled or self._first).box_size
         # A place that was found on the last image is looked at again rather than left for the next part.
         around = self._agreeing[-1] if self._agreeing else last_box
         crop = self._window(image, around.center, (w, h))
         self._searches += 1
-        answers = self._matcher.match(crop.pixels, [*self._templates, *self._distractors])
+        distractors = [distractor.template for distractor in self._distractors]
+        answers = self._matcher.match(crop.pixels, [*self._templates, *distractors])
         return self._likeliest(answers, crop, (w, h), image)
 
     def _view(self, image: GreyImage, box: Box) -> View:
@@ -154,16 +163,20 @@ class SiameseRecovery:
         return View(exemplar, (box.w * scale, box.h * scale), surroundings, (box.w, box.h))
 
     def _learn(self) -> None:
-        """Templates of the first and of the settled view, and of what around the target was like it."""
+        """Templates of the first and of the settled view; and of what was like them around one of the recent views,
+        the next one with the next search, so that the first search does not take several searches' time."""
         assert self._first is not None
-        views = [self._first] if self._settled is None else [self._first, self._settled]
-        self._templates = [self._matcher.template(view.exemplar, view.size) for view in views]
-        found = [place for view in self._recent for place in self._distractors_of(view)]
-        found.sort(key=lambda place: -place[0])
-        self._distractors = [self._matcher.template(exemplar, size) for _, exemplar, size in found[:DISTRACTORS_MAX]]
+        if not self._templates:
+            views = [self._first] if self._settled is None else [self._first, self._settled]
+            self._templates = [self._matcher.template(view.exemplar, view.size) for view in views]
+            self._unlearnt = list(self._recent)
+            self._distractors.clear()
+        if self._unlearnt:
+            found = [*self._distractors, *self._distractors_of(self._unlearnt.pop())]
+            self._distractors = sorted(found, key=lambda distractor: -distractor.score)[:DISTRACTORS_MAX]
 
-    def _distractors_of(self, view: View) -> Iterator[tuple[float, GreyImage, tuple[float, float]]]:
-        """Score, exemplar and size of the places beside the target that were like it."""
+    def _distractors_of(self, view: View) -> Iterator[_Distractor]:
+        """The places beside the target that were like it."""
         answers = self._matcher.match(view.surroundings, self._templates)
         scores = answers.scores.mean(0)
         middle = SURROUNDINGS_SIDE / 2
@@ -178,7 +191,7 @@ class SiameseRecovery:
             x, y, w, h = answers.boxes[0, :, row, column].tolist()
             side = self._matcher.exemplar_side
             exemplar = cut(view.surroundings, (x, y), 1.0, (side, side)).pixels
-            yield float(scores[row, column]), exemplar, (w, h)
+            yield _Distractor(float(scores[row, column]), self._matcher.template(exemplar, (w, h)))
             target = crop.on_image(x, y, w, h)
 
     def _window(self, image: GreyImage, center: tuple[float, float], size: tuple[float, float]) -> Crop:
