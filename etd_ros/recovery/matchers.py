@@ -68,6 +68,10 @@ class CompactMatcher:
         torch.set_num_threads(THREADS)
         self._network = fused(network)
         self._network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        # The first run sets the library up: not in the middle of a stream.
+        blank = np.zeros((compact.INSTANCE_SIDE, compact.INSTANCE_SIDE), np.uint8)
+        side = compact.EXEMPLAR_SIDE
+        self.match(blank, [self.template(blank[:side, :side], (side / 2, side / 2))])
 
     def template(self, exemplar: GreyImage, size: tuple[float, float]) -> _CompactTemplate:
         with torch.inference_mode():
