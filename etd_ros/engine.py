@@ -34,7 +34,7 @@ from etd_ros.tracking import MultiTracker, TargetReport, method_named
 
 T = TypeVar("T")
 
-CONVERSIONS = ("atsltd", "fixed_window", "fixed_count")
+CONVERSIONS = ("atsltd", "atsltd_fine", "fixed_window", "fixed_count")
 
 
 class EngineError(EtdError):
@@ -199,6 +199,8 @@ class PerSensor(Generic[StageT]):
 def _make_converter(conversion: str, width: int, height: int, settings: Settings, regions: SearchRegions) -> Converter:
     if conversion == "atsltd":
         return AtsltdConverter(width, height, settings.atsltd, regions=regions)
+    if conversion == "atsltd_fine":
+        return AtsltdConverter(width, height, settings.atsltd.fine(), regions=regions)
     if conversion == "fixed_window":
         return FixedWindowConverter(width, height, settings.fixed_window)
     if conversion == "fixed_count":
@@ -214,8 +216,10 @@ def make_tracker(method: str, width: int, height: int, settings: Settings) -> Mu
         TrackingError: an unknown method.
         RecoveryError: the recovery tracker cannot be had (OpenCV build, model files).
     """
-    recovery = make_recovery(settings.recovery) if method_named(method).recovers else None
-    return MultiTracker(width, height, settings.tracking, EdgeBoxes(settings.detection), recovery)
+    chosen = method_named(method)
+    recovery = make_recovery(settings.recovery) if chosen.recovers else None
+    contours = settings.contours if chosen.contours else None
+    return MultiTracker(width, height, settings.tracking, EdgeBoxes(settings.detection), recovery, contours)
 
 
 def track(

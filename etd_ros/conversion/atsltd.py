@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -45,6 +46,12 @@ class AtsltdConfig(Parameters):
         "Where NZGE is measured: over the whole sensor (paper), or over the targets' search regions once there are any",
         choices=(ENTROPY_SENSOR, ENTROPY_TARGETS),
     )
+    fine_share: float = parameter(
+        0.6,
+        "Fine frames (etd-plus) end at this share of nzge_interval: about a pixel of motion instead of three",
+        low=0.01,
+        high=1.0,
+    )
     check_stride: int = parameter(50, "Distance of the checks of NZGE (events)", low=1, high=10_000)
 
     def __post_init__(self) -> None:
@@ -53,6 +60,11 @@ class AtsltdConfig(Parameters):
         if alpha > beta:
             msg = f"parameter nzge_interval = [{alpha}, {beta}] is empty: give [alpha, beta] with alpha <= beta"
             raise ParameterError(msg)
+
+    def fine(self) -> AtsltdConfig:
+        """The same for fine frames, which end at `fine_share` of the interval."""
+        alpha, beta = self.nzge_interval
+        return dataclasses.replace(self, nzge_interval=(self.fine_share * alpha, self.fine_share * beta))
 
 
 class AtsltdConverter(AccumulatingConverter):

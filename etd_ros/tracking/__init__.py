@@ -1,5 +1,6 @@
 """One target's state machine, many targets, and the methods by name (paper Sec. 3.3, tracking stage)."""
 
+from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.methods import METHODS, Method, method_named
 from etd_ros.tracking.multi_tracker import MultiTracker
@@ -7,6 +8,7 @@ from etd_ros.tracking.target import Target, TargetReport, TargetState, TrackerCo
 
 __all__ = [
     "METHODS",
+    "ContourConfig",
     "Method",
     "MultiTracker",
     "Target",

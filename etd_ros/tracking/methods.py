@@ -1,4 +1,4 @@
-"""The tracking methods by name: the paper's ETD and its two variants (Sec. 4.1)."""
+"""The tracking methods by name: our own, the paper's ETD and its two variants (Sec. 4.1)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ class Method:
         conversion: events to frames.
         recovers: a recovery tracker searches lost targets on reconstructed images.
         description: one line for help texts.
+        contours: targets are followed by their contours, not chosen among proposals.
     """
 
     name: str
-    conversion: Literal["atsltd", "fixed_window"]
+    conversion: Literal["atsltd", "atsltd_fine", "fixed_window"]
     recovers: bool
     description: str
+    contours: bool = False
 
 
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
+        Method("etd-plus", "atsltd_fine", True, "contours followed on fine ATSLTD frames, recovery", contours=True),
         Method("etd", "atsltd", True, "ATSLTD frames, recovery on reconstructed images: the paper's method"),
         Method("etd-nr", "atsltd", False, "ATSLTD frames, no recovery: a lost target stays lost"),
         Method("etd-ftw", "fixed_window", True, "frames of fixed 9 ms time windows, recovery"),

@@ -11,7 +11,10 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.detection import EdgeBoxes
+from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Target, TargetReport, TargetState, TrackerConfig
 
 NAME_LENGTH_MAX = 64
@@ -27,6 +30,7 @@ class MultiTracker:
         config: parameters of every target.
         detector: makes the proposals.
         recovery_factory: makes one recovery tracker a target; None: a failed target stays lost.
+        contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
     """
 
     def __init__(
@@ -36,25 +40,27 @@ class MultiTracker:
         config: TrackerConfig | None = None,
         detector: EdgeBoxes | None = None,
         recovery_factory: RecoveryFactory | None = None,
+        contours: ContourConfig | None = None,
     ) -> None:
         self._width = width
         self._height = height
         self._config = config or TrackerConfig()
         self._detector = detector or EdgeBoxes()
         self._recovery_factory = recovery_factory
-        self._targets: dict[str, Target] = {}
+        self._contours = contours
+        self._surface = TimeSurface(width, height)
+        self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
 
     @property
-    def targets(self) -> Mapping[str, Target]:
+    def targets(self) -> Mapping[str, Target | ContourTarget]:
         """The targets by name, in the order of their start (read-only)."""
         return MappingProxyType(self._targets)
 
     def search_regions(self) -> list[Box] | None:
         """Where the targets that have started are looked for on the next frame (pixels); None if there are none."""
-        scale = self._detector.config.search_scale
         started = (target for target in self._targets.values() if target.state is not TargetState.IDLE)
-        return [target.last_box.scaled(scale) for target in started] or None
+        return [target.search_region for target in started] or None
 
     def start(self, name: str, box: Box, stamp_ns: int = 0) -> None:
         """Track a target that is at `box` at `stamp_ns`.
@@ -78,7 +84,12 @@ class MultiTracker:
             raise TrackingError(msg)
         box = Box(*map(float, box))
         box.check(self._width, self._height, f"box of target {name!r}")
-        self._targets[name] = Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
+        self._targets[name] = self._made(name, box, stamp_ns)
+
+    def _made(self, name: str, box: Box, stamp_ns: int) -> Target | ContourTarget:
+        if self._contours is None:
+            return Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
+        return ContourTarget(name, box, stamp_ns, self._config, self._contours, self._surface, self._recovery_factory)
 
     def stop(self, name: str) -> None:
         """Forget a target.
@@ -114,9 +125,12 @@ class MultiTracker:
                 target.time_went_back(stamp_ns)
         self._last_stamp_ns = stamp_ns
         targets = self._targets.values()
-        if len(targets) < 2:
+        if self._contours is not None:
+            self._surface.take(stamp_ns, frame)
+        # Contours take less time than handing them to a thread would; they share the surface, too.
+        if len(targets) < 2 or self._contours is not None:
             return tuple(target.update(stamp_ns, frame, image) for target in targets)
-        # Targets share nothing that changes, and nearly all of their time goes by in OpenCV without the GIL.
+        # These targets share nothing that changes, and nearly all of their time goes by in OpenCV without the GIL.
         return tuple(_THREADS.map(lambda target: target.update(stamp_ns, frame, image), targets))
 
     def _check_pixels(self, what: str, pixels: FrameData, shape: tuple[int, ...]) -> None:

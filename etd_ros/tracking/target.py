@@ -134,6 +134,11 @@ class Target:
         """O_{i-1}: where the target was seen last (pixels)."""
         return self._last_box
 
+    @property
+    def search_region(self) -> Box:
+        """Where it is looked for on the next frame (pixels)."""
+        return self._last_box.scaled(self._detector.config.search_scale)
+
     def update(self, stamp_ns: int, frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame and the intensity image of the same stamp, if there is one.
 

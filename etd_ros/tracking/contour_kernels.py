@@ -1,0 +1,331 @@
+"""Compiled parts of the contour tracker. Kernels that call each other share this file, or numba would miss changes.
+
+A *point* is an event pixel of the surface: x, y (pixels, at the middle of the pixel), its age (s) and its polarity
+(+1 or -1), a row of a float32 array of shape (capacity, 4). A *pose* places the model on the sensor: x, y of its centre
+(pixels), its scale, and its angle (rad). The model's maps are float32, shape (maps, rows, columns); a cell is `cell_px`
+pixels of the target at scale 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+
+X, Y, AGE, POLARITY = range(4)
+"""Columns of a point."""
+GRADIENT_X, GRADIENT_Y, RIDGE, WEIGHT, DENSITY = range(5)
+"""Maps of the model: what polarity motion along x and along y makes; where events are, less the mean; how much a cell
+counts; where events are."""
+MAPS = 5
+SUPPORT_FLOOR = 20.0
+"""Added to the number of points under the model, so that few of them never look certain."""
+NORM_FLOOR = 0.1
+PRIOR_WEIGHT = 0.05
+"""How much of the best score a place at the edge of the search gives away to one in its middle."""
+
+
+@njit(cache=True, nogil=True)
+def keep_times(times: npt.NDArray[np.int64], data: npt.NDArray[np.uint8], start_ns: int, duration_ns: int, top: int,
+               bottom: int, left: int, right: int) -> int:  # fmt: skip
+    """Enter a frame's event times into the surface, in a window of both; the number of its event pixels there."""
+    count = 0
+    share = duration_ns / 255.0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                level = data[row, column, channel]
+                if level > 0:
+                    count += 1
+                    times[row, column, channel] = start_ns + np.int64(level * share)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
+           points: Float32Array) -> int:  # fmt: skip
+    """The surface's event pixels after `oldest_ns` in a window, as points; their number. More than fit are left out."""
+    count = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                time_ns = times[row, column, channel]
+                if time_ns > oldest_ns and count < len(points):
+                    points[count, X] = column + 0.5
+                    points[count, Y] = row + 0.5
+                    points[count, AGE] = (now_ns - time_ns) * 1e-9
+                    points[count, POLARITY] = 1.0 if channel == 0 else -1.0
+                    count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sums(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+          velocity_x: float, velocity_y: float) -> tuple[float, float, float, float]:  # fmt: skip
+    """What the model's maps hold under the points, moved on by their age: gradients with polarity, ridge, weight.
+
+    `cosine` and `sine` are those of the pose's angle, over the pixels of a cell.
+    """
+    _, rows, columns = maps.shape
+    middle_column, middle_row = (columns - 1) / 2, (rows - 1) / 2
+    along_x = along_y = ridge = support = 0.0
+    for index in range(count):
+        dx = points[index, X] + velocity_x * points[index, AGE] - x
+        dy = points[index, Y] + velocity_y * points[index, AGE] - y
+        column = cosine * dx + sine * dy + middle_column
+        row = cosine * dy - sine * dx + middle_row
+        if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
+            continue
+        c, r = int(column), int(row)
+        right, below = column - c, row - r
+        a, b = (1 - right) * (1 - below), right * (1 - below)
+        d, e = (1 - right) * below, right * below
+        polarity = points[index, POLARITY]
+        along_x += polarity * (
+            a * maps[0, r, c] + b * maps[0, r, c + 1] + d * maps[0, r + 1, c] + e * maps[0, r + 1, c + 1]
+        )
+        along_y += polarity * (
+            a * maps[1, r, c] + b * maps[1, r, c + 1] + d * maps[1, r + 1, c] + e * maps[1, r + 1, c + 1]
+        )
+        ridge += a * maps[2, r, c] + b * maps[2, r, c + 1] + d * maps[2, r + 1, c] + e * maps[2, r + 1, c + 1]
+        support += maps[3, r, c]
+    return along_x, along_y, ridge, support
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def best_motion(sums: tuple[float, float, float, float], norms: Float64Array) -> tuple[float, float]:
+    """The direction of motion whose predicted polarities correlate best with the points' (least squares).
+
+    A gradient that has not been seen yet is taken for a small one.
+    """
+    floor = NORM_FLOOR * (norms[0] + norms[2]) + 1e-12
+    xx, yy = norms[0] + floor, norms[2] + floor
+    determinant = xx * yy - norms[1] * norms[1]
+    return (yy * sums[0] - norms[1] * sums[1]) / determinant, (xx * sums[1] - norms[1] * sums[0]) / determinant
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _agreement(sums: tuple[float, float, float, float], norms: Float64Array, motion_x: float, motion_y: float,
+               ridge_weight: float, any_motion: bool) -> float:  # fmt: skip
+    """Correlation of points and model for a motion: polarity as the gradient along it predicts, and places.
+
+    With `any_motion` it is that of the direction of motion that fits best.
+    """
+    if any_motion:
+        motion_x, motion_y = best_motion(sums, norms)
+    length = np.sqrt(motion_x * motion_x + motion_y * motion_y)
+    agreement = ridge_weight * sums[2] / np.sqrt(norms[3])
+    if length > 1e-6:
+        x, y = motion_x / length, motion_y / length
+        norm = np.sqrt(max(x * x * norms[0] + 2 * x * y * norms[1] + y * y * norms[2], 1e-12))
+        agreement += (sums[0] * x + sums[1] * y) / norm
+    return agreement
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
+             cell_px: float, velocity: Float64Array, motion: Float64Array, ridge_weight: float, any_motion: bool
+             ) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """(score, agreement per point, points under the model, x and y of the motion that fits best) of one pose."""
+    size = 1 / (cell_px * pose[2])
+    sums = _sums(points, count, maps, pose[0], pose[1], np.cos(pose[3]) * size, np.sin(pose[3]) * size, velocity[0],
+                 velocity[1])  # fmt: skip
+    agreement = _agreement(sums, norms, motion[0], motion[1], ridge_weight, any_motion)
+    x, y = best_motion(sums, norms)
+    return agreement / np.sqrt(sums[3] + SUPPORT_FLOOR), agreement / max(sums[3], 1.0), sums[3], x, y
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
+           cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
+           any_motion: bool, step_px: float, scores: Float64Array) -> tuple[float, float]:  # fmt: skip
+    """The best place on a square grid round a pose, between its points by parabolas.
+
+    Args:
+        bias: motion (pixels) that is added to the one from `before` to a place, for the polarity it predicts.
+        before: x, y of the target at its last look.
+        scores: float64, shape (2r + 1, 2r + 1), filled with the score of each place.
+
+    Returns:
+        x, y of the best place (pixels).
+    """
+    side = scores.shape[0]
+    radius = side // 2
+    size = 1 / (cell_px * pose[2])
+    cosine, sine = np.cos(pose[3]) * size, np.sin(pose[3]) * size
+    best = -np.inf
+    for j in range(side):
+        for i in range(side):
+            x, y = pose[0] + (i - radius) * step_px, pose[1] + (j - radius) * step_px
+            sums = _sums(points, count, maps, x, y, cosine, sine, velocity[0], velocity[1])
+            motion_x, motion_y = x - before[0] + bias[0], y - before[1] + bias[1]
+            score = _agreement(sums, norms, motion_x, motion_y, ridge_weight, any_motion)
+            score /= np.sqrt(sums[3] + SUPPORT_FLOOR)
+            scores[j, i] = score
+            best = max(best, score)
+    top, best_i, best_j = -np.inf, radius, radius
+    for j in range(side):
+        for i in range(side):
+            far = ((i - radius) ** 2 + (j - radius) ** 2) / max(1.0, (0.8 * radius) ** 2 * 2)
+            scores[j, i] -= PRIOR_WEIGHT * abs(best) * far
+            if scores[j, i] > top:
+                top, best_i, best_j = scores[j, i], i, j
+    x, y = float(best_i), float(best_j)
+    if 0 < best_i < side - 1:
+        x += parabola(scores[best_j, best_i - 1], top, scores[best_j, best_i + 1])
+    if 0 < best_j < side - 1:
+        y += parabola(scores[best_j - 1, best_i], top, scores[best_j + 1, best_i])
+    return pose[0] + (x - radius) * step_px, pose[1] + (y - radius) * step_px
+
+
+@njit(cache=True, nogil=True)
+def parabola(left: float, middle: float, right: float) -> float:
+    """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top."""
+    curvature = left - 2 * middle + right
+    if curvature >= 0:
+        return 0.0
+    return float(min(max(0.5 * (left - right) / curvature, -0.5), 0.5))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, velocity: Float64Array,
+          drawn: Float32Array) -> float:  # fmt: skip
+    """Draw the points, moved on by their age, on the model's grid: `drawn`, shape (2, rows, columns), On and Off.
+
+    Returns the number of points on it.
+    """
+    _, rows, columns = drawn.shape
+    size = 1 / (cell_px * pose[2])
+    cosine, sine = np.cos(pose[3]) * size, np.sin(pose[3]) * size
+    drawn[:] = 0
+    inside = 0.0
+    for index in range(count):
+        dx = points[index, X] + velocity[0] * points[index, AGE] - pose[0]
+        dy = points[index, Y] + velocity[1] * points[index, AGE] - pose[1]
+        column = cosine * dx + sine * dy + (columns - 1) / 2
+        row = cosine * dy - sine * dx + (rows - 1) / 2
+        if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
+            continue
+        c, r = int(column), int(row)
+        right, below = column - c, row - r
+        channel = 0 if points[index, POLARITY] > 0 else 1
+        drawn[channel, r, c] += (1 - right) * (1 - below)
+        drawn[channel, r, c + 1] += right * (1 - below)
+        drawn[channel, r + 1, c] += (1 - right) * below
+        drawn[channel, r + 1, c + 1] += right * below
+        inside += 1
+    return inside
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def blur(drawn: Float32Array, room: Float32Array) -> None:
+    """Smooth each channel by 1 4 6 4 1 (a Gaussian of one cell) both ways, in place; `room` is of the same shape."""
+    channels, rows, columns = drawn.shape
+    for channel in range(channels):
+        for row in range(rows):
+            for column in range(columns):
+                value = 6 * drawn[channel, row, column]
+                if column > 0:
+                    value += 4 * drawn[channel, row, column - 1]
+                if column > 1:
+                    value += drawn[channel, row, column - 2]
+                if column < columns - 1:
+                    value += 4 * drawn[channel, row, column + 1]
+                if column < columns - 2:
+                    value += drawn[channel, row, column + 2]
+                room[channel, row, column] = value
+        for row in range(rows):
+            for column in range(columns):
+                value = 6 * room[channel, row, column]
+                if row > 0:
+                    value += 4 * room[channel, row - 1, column]
+                if row > 1:
+                    value += room[channel, row - 2, column]
+                if row < rows - 1:
+                    value += 4 * room[channel, row + 1, column]
+                if row < rows - 2:
+                    value += room[channel, row + 2, column]
+                drawn[channel, row, column] = value / 256
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def contrast(points: Float32Array, count: int, weight: Float32Array, pose: Float64Array, cell_px: float,
+             velocity: Float64Array, drawn: Float32Array, room: Float32Array) -> float:  # fmt: skip
+    """How sharp the points are when moved back to where they began: the sum of the squares of what they draw, over
+    the square of their number (Gallego et al. 2018; by the sum alone a motion towards busy places would win).
+
+    The ages of these points count backwards from the beginning, so they are negative.
+    """
+    splat(points, count, pose, cell_px, velocity, drawn)
+    _, rows, columns = drawn.shape
+    inside = 0.0
+    for channel in range(2):
+        for row in range(rows):
+            for column in range(columns):
+                inside += drawn[channel, row, column] * weight[row, column]
+    blur(drawn, room)
+    energy = 0.0
+    for channel in range(2):
+        for row in range(rows):
+            for column in range(columns):
+                value = drawn[channel, row, column] * weight[row, column]
+                energy += value * value
+    return energy / (inside + SUPPORT_FLOOR) ** 2
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def learn(maps: Float32Array, drawn: Float32Array, room: Float32Array, direction: Float64Array, rate: float,
+          looks: float) -> None:  # fmt: skip
+    """Move the model towards what was drawn, with the direction of motion (a unit vector) at that time.
+
+    Events of a moving gradient g have the rate and sign of -g . v (Gallego et al. 2020, equation 3): only the part of
+    the gradient along the motion is corrected, the other part stays what it was.
+
+    Args:
+        rate: 0 to 1; 1 forgets what was known.
+        looks: of how many looks the drawing is the sum.
+    """
+    _, rows, columns = drawn.shape
+    total = 0.0
+    for channel in range(2):
+        for row in range(rows):
+            for column in range(columns):
+                total += drawn[channel, row, column]
+    blur(drawn, room)
+    # Contrast of the model, not the number of events, so that fast and slow looks teach the same.
+    norm = 1 / (looks * (np.sqrt(total / looks / (rows * columns)) + 0.05))
+    mean = 0.0
+    area = 0.0
+    for row in range(rows):
+        for column in range(columns):
+            weight = maps[WEIGHT, row, column]
+            on, off = drawn[0, row, column] * norm * weight, drawn[1, row, column] * norm * weight
+            error = (
+                on - off - direction[0] * maps[GRADIENT_X, row, column] - direction[1] * maps[GRADIENT_Y, row, column]
+            )
+            maps[GRADIENT_X, row, column] += rate * direction[0] * error
+            maps[GRADIENT_Y, row, column] += rate * direction[1] * error
+            maps[DENSITY, row, column] += rate * (on + off - maps[DENSITY, row, column])
+            mean += maps[DENSITY, row, column]
+            area += weight
+    mean /= area
+    for row in range(rows):
+        for column in range(columns):
+            maps[RIDGE, row, column] = maps[DENSITY, row, column] - mean * maps[WEIGHT, row, column]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def measure_norms(maps: Float32Array, norms: Float64Array) -> None:
+    """Sums of squares and of the product of the gradient maps (xx, xy, yy), and of the ridge map, into `norms`."""
+    xx = xy = yy = ridge = 0.0
+    for row in range(maps.shape[1]):
+        for column in range(maps.shape[2]):
+            x, y = maps[GRADIENT_X, row, column], maps[GRADIENT_Y, row, column]
+            xx += x * x
+            xy += x * y
+            yy += y * y
+            ridge += maps[RIDGE, row, column] ** 2
+    norms[0], norms[1], norms[2], norms[3] = xx, xy, yy, ridge + 1e-9

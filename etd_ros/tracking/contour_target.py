@@ -1,0 +1,264 @@
+"""One target of `etd-plus`: contours that are followed, and what happens when they cannot be.
+
+The states are those of `target`. A target that stands still makes no events and goes on TRACKING where it is: nothing
+says that it is gone. It is RECOVERING when the events where it should be are not its own for a while, or when they end
+while it was leaving the sensor. Then its contours are looked for in a region that grows round where its motion would
+have brought it, and the recovery tracker searches the images.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.recovery.interface import Found, RecoveryTracker
+from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.contours import ContourConfig, Contours, Look
+from etd_ros.tracking.start_up import StartUp
+from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.target import FrameData, RecoveryFactory, TargetReport, TargetState, TrackerConfig
+
+SEARCH_MARGIN = 1.5
+"""Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
+EVENTS_MIN = 15.0
+"""Fewer events under the model say nothing about the target."""
+CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.65, 0.45, 0.75
+"""From where on a look is believed in full, not at all, and is the target found again (docs/tracking.md)."""
+USUAL_RATE = 0.05
+FAILING_S = 0.12
+"""So long looks may fail before the target counts as lost."""
+FORGIVING = 2.0
+"""How much faster good looks make up for failing ones."""
+STILL_S = 0.03
+"""The velocity of a target without events decays with this time constant."""
+COAST_S = 0.5
+"""The motion of a target that is not seen is believed for so long."""
+FOUND_LOOKS = 2
+FOUND_DISTANCE_PX = 6.0
+SEARCH_STEP_PX = 3.0
+SEARCH_RADIUS_PX, SEARCH_GROWTH_PX_S, SEARCH_RADIUS_MAX_PX = 9.0, 60.0, 36.0
+REMEMBER_NS = 50_000_000
+IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
+"""How often images are searched. An answer counts from the next time on, so that it does not matter how long it took."""
+_SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
+
+
+class ContourTarget:
+    """One tracked target; the arguments are those of `Target`, with the surface that all targets share."""
+
+    def __init__(
+        self,
+        name: str,
+        box: Box,
+        stamp_ns: int,
+        config: TrackerConfig,
+        contours: ContourConfig,
+        surface: TimeSurface,
+        recovery_factory: RecoveryFactory | None,
+    ) -> None:
+        self.name = name
+        self.start_box = box
+        self.start_stamp_ns = stamp_ns
+        self._config = config
+        self._contour_config = contours
+        self._surface = surface
+        self._recovery_factory = recovery_factory
+        self._wait_for_start()
+
+    @property
+    def state(self) -> TargetState:
+        """Where the target stands."""
+        return self._state
+
+    @property
+    def last_box(self) -> Box:
+        """Where the target was seen last, or where its motion has brought it since (pixels)."""
+        return self._contours.box
+
+    @property
+    def search_region(self) -> Box:
+        """Where it is looked for on the next frame (pixels)."""
+        return self.last_box.scaled(SEARCH_MARGIN)
+
+    def update(self, stamp_ns: int, frame_data: FrameData, image: FrameData | None) -> TargetReport:
+        """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is
+        one; the arguments are those of `Target.update`."""
+        if self._state is TargetState.IDLE:
+            if stamp_ns < self.start_stamp_ns:
+                return TargetReport(self.name, self._state, None, 0.0)
+            self._state = TargetState.TRACKING
+            self._contours.stamp_ns = self.start_stamp_ns or stamp_ns
+        due = self._contours.take(self._surface)
+        if self._state is not TargetState.TRACKING:
+            self._look_for_it(stamp_ns, image)
+        elif due and self._start_up is not None:
+            if self._start_up.look(self._surface):
+                self._start_up = None
+        elif due:
+            self._follow(stamp_ns)
+        if self._state is not TargetState.TRACKING:
+            return TargetReport(self.name, self._state, None, 0.0)
+        self._remember(stamp_ns, image)
+        return TargetReport(
+            self.name, self._state, self._contours.box_at(*self._contours.predicted(stamp_ns)), self._confidence
+        )
+
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""
+        if self.start_stamp_ns > 0:
+            self._wait_for_start()
+            return
+        self._contours.stamp_ns = stamp_ns
+        self._contours.velocity[:] = 0
+        self._failed_at_ns = self._searched_at_ns = self._remembered_at_ns = stamp_ns
+
+    def _wait_for_start(self) -> None:
+        self._state = TargetState.IDLE
+        self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
+        self._start_up: StartUp | None = StartUp(self._contours)
+        self._recovery: RecoveryTracker | None = self._recovery_factory() if self._recovery_factory else None
+        self._usual: Float64Array | None = None
+        self._confidence = 1.0
+        self._failing_s = self._quiet_s = 0.0
+        self._failed_at_ns = self._searched_at_ns = 0
+        self._remembered_at_ns = -REMEMBER_NS
+        self._answer: Future[Found | None] | None = None
+        self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
+        self._candidate: Look | None = None
+        self._candidates = 0
+
+    def _follow(self, stamp_ns: int) -> None:
+        """Look for the target round where it should be, and go there as far as the look can be believed."""
+        contours = self._contours
+        elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
+        look = contours.look(self._surface)
+        x, y = contours.predicted(stamp_ns)
+        if look.events < EVENTS_MIN:
+            self._stand_still(stamp_ns, elapsed_s)
+            return
+        self._quiet_s = 0.0
+        self._confidence = self._confidence_of(look)
+        if self._confidence < CONFIDENCE_OK:
+            turned = contours.look(self._surface, any_motion=True)
+            if self._confidence_of(turned) > self._confidence:
+                look, self._confidence = turned, self._confidence_of(turned)
+                contours.turn(look.direction)
+        doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
+        if doubt > 0 and self._failing_s == 0:
+            self._before = stamp_ns, contours.pose.copy(), contours.velocity.copy()
+        contours.follow(self._surface, look.x, look.y, 1.0 - doubt)
+        if doubt > 0:
+            self._failing_s += elapsed_s * doubt
+        else:
+            self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
+            evidence = _evidence(look)
+            self._usual = evidence if self._usual is None else self._usual + USUAL_RATE * (evidence - self._usual)
+            contours.adapt(self._surface, elapsed_s)
+        if self._failing_s > FAILING_S or self._is_off():
+            self._fail(stamp_ns)
+
+    def _confidence_of(self, look: Look) -> float:
+        """A look in parts of the usual ones: its score, its score per event or the number of its events, whichever is
+        least. Things in front bring events elsewhere, or none."""
+        return 1.0 if self._usual is None else float((_evidence(look) / self._usual).min())
+
+    def _stand_still(self, stamp_ns: int, elapsed_s: float) -> None:
+        contours = self._contours
+        contours.velocity *= np.exp(-elapsed_s / STILL_S)
+        contours.stamp_ns = stamp_ns
+        if self._is_at_border():
+            self._quiet_s += elapsed_s
+        if self._quiet_s > FAILING_S:
+            self._fail(stamp_ns)
+
+    def _is_off(self) -> bool:
+        """Whether the middle of the target lies beyond the sensor."""
+        x, y = self._contours.pose[:2]
+        return not (0 <= x < self._surface.width and 0 <= y < self._surface.height)
+
+    def _is_at_border(self) -> bool:
+        box = self._contours.box
+        beyond_right = box.x + box.w >= self._surface.width - 1
+        return box.x <= 1 or box.y <= 1 or beyond_right or box.y + box.h >= self._surface.height - 1
+
+    def _fail(self, stamp_ns: int) -> None:
+        """Go on from before the looks that failed, as they may have followed something else."""
+        self._state = TargetState.LOST if self._is_off() else TargetState.RECOVERING
+        if self._failing_s > 0:
+            before_ns, self._contours.pose[:], self._contours.velocity[:] = self._before
+            self._contours.stamp_ns = before_ns
+        self._failed_at_ns = self._searched_at_ns = stamp_ns
+        self._candidate, self._candidates = None, 0
+
+    def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:
+        """Search for the contours in a growing region, and the images now and then."""
+        since_s = (stamp_ns - self._failed_at_ns) * 1e-9
+        if self._state is TargetState.RECOVERING and since_s > self._config.recovering_max_s:
+            self._state = TargetState.LOST
+        self._coast(stamp_ns, since_s)
+        answer = self._answer_from_images(stamp_ns, image)
+        if answer is not None:
+            self._contours.pose[:2] = answer.box.center
+            self._contours.velocity[:] = 0
+        elif not self._contours_found(since_s):
+            return
+        self._state = TargetState.TRACKING
+        self._failing_s = self._quiet_s = 0.0
+        self._confidence = CONFIDENCE_FOUND if answer is None else answer.score
+
+    def _coast(self, stamp_ns: int, since_s: float) -> None:
+        """Move on with the last velocity, for a while and not beyond the sensor."""
+        contours, surface = self._contours, self._surface
+        if since_s < COAST_S:
+            x, y = contours.predicted(stamp_ns)
+            contours.pose[:2] = np.clip(x, 0, surface.width - 1), np.clip(y, 0, surface.height - 1)
+        contours.stamp_ns = stamp_ns
+
+    def _contours_found(self, since_s: float) -> bool:
+        """Whether looks that follow one another find the target's contours at about the same place; go there then."""
+        contours = self._contours
+        reach = min(SEARCH_RADIUS_PX + SEARCH_GROWTH_PX_S * since_s, SEARCH_RADIUS_MAX_PX)
+        side = 2 * int(reach / SEARCH_STEP_PX) + 1
+        x, y = (float(value) for value in contours.pose[:2])
+        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side)), SEARCH_STEP_PX)
+        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7)), 1.0)
+        is_like_it = look.events >= EVENTS_MIN and self._confidence_of(look) >= CONFIDENCE_FOUND
+        before, self._candidate = self._candidate, look if is_like_it else None
+        if not is_like_it:
+            self._candidates = 0
+            return False
+        is_near = before is not None and np.hypot(look.x - before.x, look.y - before.y) < FOUND_DISTANCE_PX
+        self._candidates = self._candidates + 1 if is_near else 1
+        if self._candidates < FOUND_LOOKS:
+            return False
+        contours.pose[:2] = look.x, look.y
+        return True
+
+    def _answer_from_images(self, stamp_ns: int, image: FrameData | None) -> Found | None:
+        """Have the recovery tracker search this image beside the frames to come; its answer to the last one."""
+        due = stamp_ns - self._searched_at_ns >= IMAGE_SEARCH_NS[self._state]
+        if self._recovery is None or image is None or not due:
+            return None
+        answer = self._answer.result() if self._answer is not None else None
+        self._searched_at_ns = stamp_ns
+        self._answer = None if answer else _SEARCHES.submit(self._recovery.search, image.copy(), self.last_box)
+        return answer
+
+    def _remember(self, stamp_ns: int, image: FrameData | None) -> None:
+        if self._answer is not None:
+            self._answer.result()
+            self._answer = None
+        sure = self._start_up is None and self._failing_s == 0
+        if self._recovery is None or image is None or stamp_ns - self._remembered_at_ns < REMEMBER_NS:
+            return
+        if sure or self._remembered_at_ns < 0:
+            self._remembered_at_ns = stamp_ns
+            self._recovery.remember(image, self._contours.box)
+
+
+def _evidence(look: Look) -> Float64Array:
+    """What a look is measured by: its score, its agreement and its events, as if all of its window were motion. A slow
+    target has fewer events, whose score grows with the root of their number."""
+    return np.maximum([look.score / np.sqrt(look.motion), look.agreement, look.events / look.motion], 1e-6)

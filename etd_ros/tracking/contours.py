@@ -1,0 +1,286 @@
+"""Follows one target by its moving contours: a model of where its events are and which polarity motion gives them is
+fitted to the newest events, and learns slowly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.parameters import Parameters, parameter
+from etd_ros.tracking.contour_kernels import (
+    MAPS,
+    WEIGHT,
+    Float32Array,
+    Float64Array,
+    learn,
+    measure_norms,
+    parabola,
+    score_at,
+    search,
+    splat,
+)
+from etd_ros.tracking.surface import TimeSurface
+
+CELLS_MAX = 48
+"""Cells along a target's longer side at most: more detail costs time and finds nothing more."""
+MARGIN = 1.2
+"""Width and height of the model in those of the box."""
+BORDER_CELLS = 2
+KEPT_MARGIN_PX = 10.0
+"""How far round the model the surface is kept up to date, for the looks to come."""
+SCALE_STEP, ANGLE_STEP = 0.04, 0.05
+SCALE_LIMITS = (0.2, 5.0)
+EVENTS_MIN = 25
+"""Fewer new events than this are not worth a look."""
+EVENTS_SHARE = 0.3
+"""A look waits for this share of the events that a pixel of motion brings."""
+WAIT_MAX_S = 0.03
+WAIT_MAX_PX = 1.5
+SPAN_MIN_S = 0.002
+VELOCITY_PX = 2.0
+VELOCITY_S = (0.004, 0.05)
+"""The velocity is an average over so much motion, within these times."""
+BIAS_PX = 4.0
+"""The direction so far counts like this much motion when the polarity of a place is predicted."""
+MOTION_MIN = 0.15
+SPEED_MIN_PX_S = 5.0
+"""Slower motion has no direction that can be told from noise."""
+
+
+@dataclass(frozen=True)
+class ContourConfig(Parameters):
+    """Parameters of `etd-plus`: fitting a target's contours."""
+
+    search_radius: int = parameter(
+        4, "how far from the predicted place a target is looked for (pixels)", low=1, high=64
+    )
+    window_px: float = parameter(
+        2.0, "the events of so much motion are looked at together (pixels)", low=0.2, high=20.0
+    )
+    window_max_s: float = parameter(0.1, "longest time of events that are looked at together (s)", low=0.001, high=10.0)
+    learning_rate: float = parameter(
+        0.02, "share of the model that a look renews: higher follows changes, and drifts", low=0.0, high=1.0
+    )
+    scale_gain: float = parameter(
+        0.4, "share of a measured change of scale that is taken on; 0 keeps the size", low=0.0, high=1.0
+    )
+    angle_gain: float = parameter(
+        0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
+    )
+    ridge_weight: float = parameter(
+        0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the events say about the target.
+
+    Attributes:
+        x, y: where it fits best (pixels).
+        score: how well.
+        agreement: the same per event under the model: low where other things' events are.
+        events: how many those are.
+        motion: how far the target moved while they came, in parts of `window_px`, 0.15 to 1.
+        direction: x, y of the motion that fits the polarities best, of any length.
+    """
+
+    x: float
+    y: float
+    score: float
+    agreement: float
+    events: float
+    motion: float
+    direction: tuple[float, float]
+
+
+class Contours:
+    """A target's model and pose.
+
+    Attributes:
+        pose: float64, x, y of the centre (pixels), scale, angle (rad).
+        velocity: float64, x, y (pixels/s).
+        stamp_ns: the time of the pose (ns).
+    """
+
+    def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
+        self.config = config
+        self.pose = np.array([*box.center, 1.0, 0.0])
+        self.velocity = np.zeros(2)
+        self.stamp_ns = stamp_ns
+        self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
+        self._size = box.w, box.h
+        columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self._size)
+        self.maps: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
+        self.maps[WEIGHT] = _oval(rows, columns, *(side / self.cell_px for side in self._size))
+        self.drawn = np.zeros((2, rows, columns), np.float32)
+        self.room = np.zeros_like(self.drawn)
+        self.direction = np.zeros(2)
+        self._norms = np.zeros(4)
+        self._looks = 0
+        self._events_per_px: float | None = None
+        self._events_waiting = 0
+        side = 2 * config.search_radius + 1
+        self._scores = np.zeros((side, side))
+
+    def box_at(self, x: float, y: float) -> Box:
+        """The target's box if its centre is there (pixels)."""
+        w, h = (side * float(self.pose[2]) for side in self._size)
+        return Box(x - w / 2, y - h / 2, w, h)
+
+    @property
+    def box(self) -> Box:
+        """The target's box (pixels)."""
+        return self.box_at(float(self.pose[0]), float(self.pose[1]))
+
+    @property
+    def speed_px_s(self) -> float:
+        """How fast the target moves (pixels/s)."""
+        return float(np.hypot(*self.velocity))
+
+    def predicted(self, stamp_ns: int) -> tuple[float, float]:
+        """Where the centre is at a time, if the motion goes on."""
+        x, y = self.pose[:2] + self.velocity * self._since_s(stamp_ns)
+        return float(x), float(y)
+
+    def take(self, surface: TimeSurface) -> bool:
+        """Keep the surface up to date round the target; whether it is time for a look."""
+        box = self.box_at(*self.predicted(surface.stamp_ns)).scaled(MARGIN)
+        self._events_waiting += surface.keep(surface.window(box, KEPT_MARGIN_PX))
+        elapsed_s = self._since_s(surface.stamp_ns)
+        wanted = max(EVENTS_MIN, EVENTS_SHARE * (self._events_per_px or 0.0))
+        if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and self.speed_px_s * elapsed_s < WAIT_MAX_PX:
+            return False
+        self._events_waiting = 0
+        return True
+
+    def look(self, surface: TimeSurface, *, any_motion: bool = False) -> Look:
+        """Fit the model to the newest events round the predicted place.
+
+        Args:
+            surface: the events.
+            any_motion: the target may have turned: polarities count for the direction that fits them best.
+        """
+        return self.look_at(surface, *self.predicted(surface.stamp_ns), self._scores, 1.0, any_motion)
+
+    def look_at(
+        self,
+        surface: TimeSurface,
+        x: float,
+        y: float,
+        scores: Float64Array,
+        step_px: float,
+        any_motion: bool = True,
+    ) -> Look:
+        """Fit the model to the newest events on a square grid of places round one (pixels).
+
+        Args:
+            surface: the events.
+            x, y: the place in the middle.
+            scores: float64, shape (2r + 1, 2r + 1), room for the places' scores.
+            step_px: distance of the places (pixels).
+            any_motion: as for `look`.
+        """
+        config = self.config
+        box = self.box_at(x, y).scaled(MARGIN)
+        margin = scores.shape[0] // 2 * step_px + BORDER_CELLS
+        span_s = self._span_s(surface.stamp_ns)
+        points, count = surface.points(surface.window(box, margin), span_s)
+        measure_norms(self.maps, self._norms)
+        pose = np.array([x, y, self.pose[2], self.pose[3]])
+        pose[0], pose[1] = search(
+            points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, BIAS_PX * self.direction,
+            self.pose, config.ridge_weight, any_motion, step_px, scores,
+        )  # fmt: skip
+        score, agreement, events, *direction = self._score(points, count, pose, any_motion)
+        motion = float(np.clip(self.speed_px_s * span_s / config.window_px, MOTION_MIN, 1.0))
+        return Look(float(pose[0]), float(pose[1]), score, agreement, events, motion, (direction[0], direction[1]))
+
+    def turn(self, direction: tuple[float, float]) -> None:
+        """The target moves in this direction now (x, y of any length)."""
+        length = float(np.hypot(*direction))
+        if length > 0:
+            self.direction = np.array(direction) / length
+
+    def follow(self, surface: TimeSurface, x: float, y: float, gain: float) -> None:
+        """Go to a place (pixels) at the surface's time; the velocity follows by `gain`, 0 to 1."""
+        elapsed_s = self._since_s(surface.stamp_ns)
+        moved = np.array([x, y]) - self.pose[:2]
+        if elapsed_s > 0:
+            average_s = float(np.clip(VELOCITY_PX / max(self.speed_px_s, 1e-3), *VELOCITY_S))
+            self.velocity += gain * elapsed_s / (elapsed_s + average_s) * (moved / elapsed_s - self.velocity)
+        self.pose[:2] += moved
+        self.stamp_ns = surface.stamp_ns
+
+    def adapt(self, surface: TimeSurface, elapsed_s: float) -> None:
+        """Fit scale and angle to the newest events at the pose, and learn from them."""
+        box = self.box.scaled(MARGIN)
+        span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
+        points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
+        if self.config.scale_gain > 0:
+            self._fit(points, count, 2, SCALE_STEP, self.config.scale_gain)
+        if self.config.angle_gain > 0:
+            self._fit(points, count, 3, ANGLE_STEP, self.config.angle_gain)
+        if self.speed_px_s > SPEED_MIN_PX_S:
+            self.direction = self.velocity / self.speed_px_s
+        self._looks += 1
+        inside = splat(points, count, self.pose, self.cell_px, self.velocity, self.drawn)
+        self._count_events(inside, span_s)
+        learn(self.maps, self.drawn, self.room, self.direction, max(self.config.learning_rate, 1 / self._looks), 1.0)
+
+    def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
+        """Make the model what is drawn in `drawn`, the sum of so many looks."""
+        self.direction = direction
+        learn(self.maps, self.drawn, self.room, direction, 1.0, looks)
+        self._looks = looks_known
+
+    def _fit(self, points: Float32Array, count: int, part: int, step: float, gain: float) -> None:
+        """Move scale (part 2, by factors) or angle (part 3) towards the best of three values."""
+        pose, values = self.pose.copy(), []
+        for number in (-1, 0, 1):
+            pose[part] = self.pose[part] * (1 + number * step) if part == 2 else self.pose[part] + number * step
+            score = self._score(points, count, pose, False)[0]
+            # A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
+            values.append(score / pose[2])
+        change = gain * step * parabola(*values)
+        if part == 2:
+            self.pose[2] = np.clip(self.pose[2] * math.exp(change), *SCALE_LIMITS)
+        else:
+            self.pose[3] += change
+
+    def _score(
+        self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool
+    ) -> tuple[float, float, float, float, float]:
+        motion = pose[:2] - self.pose[:2] + BIAS_PX * self.direction
+        return score_at(  # type: ignore[no-any-return]
+            points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, motion, self.config.ridge_weight,
+            any_motion,
+        )  # fmt: skip
+
+    def _count_events(self, inside: float, span_s: float) -> None:
+        per_px = inside / max(0.5, min(self.config.window_px, self.speed_px_s * span_s))
+        known = per_px if self._events_per_px is None else self._events_per_px
+        self._events_per_px = known + 0.05 * (per_px - known)
+
+    def _since_s(self, stamp_ns: int) -> float:
+        return (stamp_ns - self.stamp_ns) * 1e-9
+
+    def _motion_s(self) -> float:
+        """The time of `window_px` of motion (s), at most `window_max_s`."""
+        return min(self.config.window_px / max(self.speed_px_s, 1e-3), self.config.window_max_s)
+
+    def _span_s(self, stamp_ns: int) -> float:
+        return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)
+
+
+def _oval(rows: int, columns: int, width: float, height: float) -> Float32Array:
+    """Weights of the cells, shape (rows, columns): 1 in an oval a little larger than the box, falling to 0."""
+    y, x = np.mgrid[0:rows, 0:columns]
+    radius = np.hypot(
+        (x - (columns - 1) / 2) / (0.575 * width),
+        (y - (rows - 1) / 2) / (0.575 * height),
+    )
+    return np.clip((1.25 - radius) / 0.3, 0, 1).astype(np.float32)

@@ -1,0 +1,87 @@
+"""A target's first motion: found by contrast maximisation (Gallego et al. 2018), before there is a model to fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from etd_ros.tracking.contour_kernels import AGE, WEIGHT, Float32Array, contrast, splat
+from etd_ros.tracking.contours import MARGIN, Contours
+from etd_ros.tracking.surface import TimeSurface
+
+LOOKS = 10
+"""Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
+MOTION_MIN_PX, MOTION_MAX_PX = 2.0, 8.0
+TIME_MAX_S = 0.5
+FIRST_STEPS_PX = ((1.0, 2), (0.5, 1), (0.25, 1))
+"""(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
+EVENTS_MIN = 20
+CHANGE_WEIGHT = 0.01
+"""How much contrast a pixel of change (squared) has to bring."""
+LOOKS_KNOWN = 10
+
+
+class StartUp:
+    """Collects a target's first events and moves its pose at the constant velocity that makes them sharpest.
+
+    The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
+    round where it was, and the pose is what the motion makes of it.
+    """
+
+    def __init__(self, contours: Contours) -> None:
+        self._contours = contours
+        self._pose = contours.pose.copy()
+        self._start_ns = contours.stamp_ns
+        self._collected: list[Float32Array] = []
+
+    def look(self, surface: TimeSurface) -> bool:
+        """Take the newest events; whether the start is over and the model is known."""
+        contours = self._contours
+        since_ns = contours.stamp_ns if self._collected else surface.start_ns
+        elapsed_s = (surface.stamp_ns - since_ns) * 1e-9
+        x, y = contours.predicted(surface.stamp_ns)
+        window = surface.window(contours.box_at(x, y).scaled(MARGIN), contours.config.search_radius + 2)
+        points, count = surface.points(window, elapsed_s)
+        self._collect(points[:count], surface.stamp_ns)
+        time_s = (surface.stamp_ns - self._start_ns) * 1e-9
+        events = np.ascontiguousarray(np.concatenate(self._collected))
+        if len(events) >= EVENTS_MIN:
+            self._fit(events, max(time_s, elapsed_s, 1e-3))
+        contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
+        contours.stamp_ns = surface.stamp_ns
+        moved = contours.speed_px_s * time_s
+        if (len(self._collected) < LOOKS or moved < MOTION_MIN_PX) and moved < MOTION_MAX_PX and time_s < TIME_MAX_S:
+            return False
+        self._finish(events, moved)
+        return True
+
+    def _collect(self, points: Float32Array, stamp_ns: int) -> None:
+        """Keep points with ages that count backwards from the start."""
+        kept = points.copy()
+        kept[:, AGE] -= np.float32((stamp_ns - self._start_ns) * 1e-9)
+        self._collected.append(kept)
+
+    def _fit(self, events: Float32Array, time_s: float) -> None:
+        """The velocity with the sharpest events, coarse to fine, near the one so far."""
+        contours = self._contours
+        so_far = contours.velocity.copy()
+        best = so_far.copy()
+        for step_px, reach in FIRST_STEPS_PX:
+            middle, top = best.copy(), -np.inf
+            for j in range(-reach, reach + 1):
+                for i in range(-reach, reach + 1):
+                    velocity = middle + np.array([i, j]) * (step_px / time_s)
+                    change_px = float(((velocity - so_far) ** 2).sum()) * time_s**2
+                    sharpness = contrast(
+                        events, len(events), contours.maps[WEIGHT], self._pose, contours.cell_px, velocity,
+                        contours.drawn, contours.room,
+                    ) * np.exp(-CHANGE_WEIGHT * change_px)  # fmt: skip
+                    if sharpness > top:
+                        best, top = velocity, sharpness
+        contours.velocity = best
+
+    def _finish(self, events: Float32Array, moved_px: float) -> None:
+        contours = self._contours
+        speed = contours.speed_px_s
+        splat(events, len(events), self._pose, contours.cell_px, contours.velocity, contours.drawn)
+        direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
+        contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)

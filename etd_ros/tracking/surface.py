@@ -1,0 +1,66 @@
+"""The time surface that frames are read back into: when each pixel last fired, round the targets."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import Float32Array, gather, keep_times
+
+FRAME_MAX_NS = 100_000_000
+"""A frame is taken to have lasted no longer than this (ns): after a quiet time the next one starts late."""
+POINTS_MAX = 16_384
+NEVER_NS = -(2**62)
+
+Window = tuple[int, int, int, int]
+"""Rows top .. bottom - 1, columns left .. right - 1."""
+
+
+class TimeSurface:
+    """The last event time of each pixel and polarity, from the grey levels of ATSLTD frames (their linear decay is what
+    tells the time) and the frames' stamps. A frame starts where the one before it ended.
+
+    Only windows that somebody asks for are kept up to date.
+
+    Attributes:
+        start_ns, stamp_ns: start and end of the newest frame (ns).
+        width, height: sensor size (pixels).
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self.width = width
+        self.height = height
+        self.stamp_ns = NEVER_NS
+        self.start_ns = NEVER_NS
+        self._times = np.full((height, width, 2), NEVER_NS, np.int64)
+        self._points = np.empty((POINTS_MAX, 4), np.float32)
+        self._data: npt.NDArray[np.uint8] = np.zeros((0, 0, 2), np.uint8)
+
+    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8]) -> None:
+        """Go on to the next frame: its end (ns) and its levels, uint8, shape (height, width, 2).
+
+        A stamp below the last one starts the stream again.
+        """
+        if stamp_ns < self.stamp_ns:
+            self._times.fill(NEVER_NS)
+            self.stamp_ns = NEVER_NS
+        self.start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
+        self.stamp_ns = stamp_ns
+        self._data = data
+
+    def window(self, box: Box, margin: float) -> Window:
+        """The pixels in a box and a margin (pixels) round it, as far as they lie on the sensor."""
+        left, top = (int(max(0.0, np.floor(edge - margin))) for edge in (box.x, box.y))
+        right = int(min(self.width, np.ceil(box.x + box.w + margin)))
+        bottom = int(min(self.height, np.ceil(box.y + box.h + margin)))
+        return top, max(top, bottom), left, max(left, right)
+
+    def keep(self, window: Window) -> int:
+        """Enter the newest frame's events of a window; how many pixels they are."""
+        return int(keep_times(self._times, self._data, self.start_ns, self.stamp_ns - self.start_ns, *window))
+
+    def points(self, window: Window, duration_s: float) -> tuple[Float32Array, int]:
+        """The events of a window that are at most so old, as points, and their number; valid until the next call."""
+        oldest_ns = self.stamp_ns - int(duration_s * 1e9)
+        return self._points, int(gather(self._times, self.stamp_ns, oldest_ns, *window, self._points))
