@@ -63,6 +63,10 @@ class SequenceMaker:
 
 def _make(folder: Path, seeds: list[int]) -> None:
     os.nice(NICENESS)
+    training = os.getppid()
     cache = SequenceCache(folder)
     for seed in seeds:
+        # A training that was killed cannot end its processes.
+        if os.getppid() != training:
+            return
         cache.make(seed)
