@@ -52,6 +52,9 @@ class AtsltdConfig(Parameters):
         low=0.01,
         high=1.0,
     )
+    fine_max_duration_s: float = parameter(
+        0.02, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9
+    )
     check_stride: int = parameter(50, "Distance of the checks of NZGE (events)", low=1, high=10_000)
 
     def __post_init__(self) -> None:
@@ -62,9 +65,10 @@ class AtsltdConfig(Parameters):
             raise ParameterError(msg)
 
     def fine(self) -> AtsltdConfig:
-        """The same for fine frames, which end at `fine_share` of the interval."""
+        """The same for fine frames, which end at `fine_share` of the interval or after `fine_max_duration_s`."""
         alpha, beta = self.nzge_interval
-        return dataclasses.replace(self, nzge_interval=(self.fine_share * alpha, self.fine_share * beta))
+        interval = self.fine_share * alpha, self.fine_share * beta
+        return dataclasses.replace(self, nzge_interval=interval, max_duration_s=self.fine_max_duration_s)
 
 
 class AtsltdConverter(AccumulatingConverter):

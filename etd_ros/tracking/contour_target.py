@@ -24,9 +24,11 @@ SEARCH_MARGIN = 1.5
 """Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
 EVENTS_MIN = 15.0
 """Fewer events under the model say nothing about the target."""
-CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.65, 0.45, 0.75
+CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.55, 0.3, 0.75
 """From where on a look is believed in full, not at all, and is the target found again (docs/tracking.md)."""
-USUAL_RATE = 0.05
+CONFIDENCE_FOUND_HERE = 0.6
+"""The same where its motion would have brought it."""
+USUAL_RATE = 0.08
 FAILING_S = 0.12
 """So long looks may fail before the target counts as lost."""
 FORGIVING = 2.0
@@ -224,7 +226,9 @@ class ContourTarget:
         x, y = (float(value) for value in contours.pose[:2])
         coarse = contours.look_at(self._surface, x, y, np.zeros((side, side)), SEARCH_STEP_PX)
         look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7)), 1.0)
-        is_like_it = look.events >= EVENTS_MIN and self._confidence_of(look) >= CONFIDENCE_FOUND
+        is_here = np.hypot(look.x - x, look.y - y) < FOUND_DISTANCE_PX
+        wanted = CONFIDENCE_FOUND_HERE if is_here else CONFIDENCE_FOUND
+        is_like_it = look.events >= EVENTS_MIN and self._confidence_of(look) >= wanted
         before, self._candidate = self._candidate, look if is_like_it else None
         if not is_like_it:
             self._candidates = 0
