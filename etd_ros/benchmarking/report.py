@@ -15,6 +15,7 @@ from rich.table import Table
 
 from etd_ros.benchmarking.peers import PACKAGES
 from etd_ros.benchmarking.streams import BenchmarkError
+from etd_ros.output_files import write_beside
 
 JSON_NAME, README_NAME = "last.json", "README.md"
 TABLE_START, TABLE_END = "<!-- table: written by the benchmark -->", "<!-- end of table -->"
@@ -102,15 +103,12 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
     """Replace `last.json` in the folder, and the table between the marks of its README.md.
 
     Raises:
-        BenchmarkError: README.md is missing or lacks the marks, or the folder cannot be written.
+        BenchmarkError: README.md is missing or lacks the marks.
+        OutputError: the folder cannot be written.
     """
     before, after = _readme_parts(folder)
-    try:
-        _replace(folder / README_NAME, f"{before}{TABLE_START}\n{markdown(rows)}{TABLE_END}{after}")
-        _replace(folder / JSON_NAME, as_json(rows))
-    except OSError as err:
-        msg = f"{err.filename or folder}: {err.strerror or err}: name a folder that you may write"
-        raise BenchmarkError(msg) from err
+    write_beside(folder / README_NAME, f"{before}{TABLE_START}\n{markdown(rows)}{TABLE_END}{after}")
+    write_beside(folder / JSON_NAME, as_json(rows))
 
 
 def machine() -> dict[str, Any]:
@@ -160,13 +158,6 @@ def _number(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write beside and rename, so that nothing is half-written."""
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text)
-    beside.replace(path)
 
 
 def _processor() -> str:

@@ -25,7 +25,7 @@ from etd_ros.benchmarking import (
     table,
     write,
 )
-from etd_ros.commands.output_files import check_outputs, write_beside
+from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.plots import check_matplotlib
 
 T = TypeVar("T")

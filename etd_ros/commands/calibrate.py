@@ -15,12 +15,12 @@ from rich.console import Console
 from rich.progress import Progress
 
 from etd_ros.commands.clean_streams import without_noise
-from etd_ros.commands.output_files import check_outputs, write_beside
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError
 from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
+from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.overlay import Picture
 from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
 from etd_ros.recordings import open_recording
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     if options.histogram is not None:
         write_beside(options.histogram, histogram_png(calibration.values, calibration.interval, name))
     if options.output is not None:
-        write_beside(options.output, parameter_file(calibration, settings, name, options.significance).encode())
+        write_beside(options.output, parameter_file(calibration, settings, name, options.significance))
     _print(calibration, options.samples)
     return 0
 

@@ -7,10 +7,10 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from etd_ros.commands.output_files import check_outputs
 from etd_ros.commands.track import read_settings
 from etd_ros.evaluation import EvaluationError
 from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
+from etd_ros.output_files import check_outputs
 from etd_ros.simulation import SUITE, random_sequence, sequence_named
 from etd_ros.simulation import Sequence as Simulated
 from etd_ros.tracking import METHODS, method_named

@@ -16,15 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.commands.clean_streams import without_noise
-from etd_ros.commands.output_files import check_outputs, write_beside
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError, Frame, FrameEnd, NoiseFilterConfig, nzge
 from etd_ros.conversion.calibration import frame_data
 from etd_ros.engine import CONVERSIONS, FrameSource
-from etd_ros.evaluation.table import written_beside
 from etd_ros.events import Events, concatenate
+from etd_ros.output_files import check_outputs, write_beside, written_beside
 from etd_ros.plots import NzgeCurve, check_matplotlib, nzge_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings

@@ -10,11 +10,11 @@ from typing import Any
 
 import yaml
 
-from etd_ros.commands.output_files import check_outputs
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.engine import track as track_streams
 from etd_ros.evaluation import TracksWriter
+from etd_ros.output_files import check_outputs
 from etd_ros.overlay import VideoWriter, draw_overlay
 from etd_ros.parameters import ParameterError
 from etd_ros.recordings import open_recording

@@ -19,10 +19,10 @@ import numpy as np
 from etd_ros.boxes import Box, iou
 from etd_ros.engine import track
 from etd_ros.evaluation.scoring import SUCCESS_IOU, Score, score
-from etd_ros.evaluation.table import written_beside
 from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.events import concatenate
+from etd_ros.output_files import written_beside
 from etd_ros.settings import Settings
 from etd_ros.simulation import Absence, AbsentTime, Scene, absent_times, true_boxes
 from etd_ros.simulation import Sequence as Simulated
@@ -124,7 +124,7 @@ def write_results(path: Path, results: Iterable[TargetResult]) -> None:
     """Write a CSV, a row for each target, numbers with 3 decimals.
 
     Raises:
-        EvaluationError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     with written_beside(path) as file:
         writer = csv.writer(file, lineterminator="\n")

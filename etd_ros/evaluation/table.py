@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -141,33 +140,3 @@ def _checked_header(path: Path, line: int, cells: Sequence[str], columns: Sequen
         msg = f"{path}, line {line}: the header {problem}: it must be {','.join(columns)}"
         raise EvaluationError(msg)
     return header
-
-
-@contextmanager
-def written_beside(path: Path) -> Iterator[TextIO]:
-    """A text file under a temporary name that gets its own one only when the block succeeds.
-
-    Raises:
-        EvaluationError: the file cannot be written.
-    """
-    if path.exists() and not path.is_file():
-        msg = f"{path}: cannot be written (is no regular file, and would be replaced by one): name a file"
-        raise EvaluationError(msg)
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        file = partial.open("w", newline="", encoding="utf-8")
-    except OSError as err:
-        raise _unwritable(path, err) from err
-    try:
-        with file:
-            yield file
-        partial.replace(path)
-    except OSError as err:
-        raise _unwritable(path, err) from err
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _unwritable(path: Path, err: OSError) -> EvaluationError:
-    msg = f"{path}: cannot be written ({err.strerror or err}): name a file in a folder you may write"
-    return EvaluationError(msg)

@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from etd_ros.boxes import Box
-from etd_ros.evaluation.table import Row, read_rows, written_beside
+from etd_ros.evaluation.table import Row, read_rows
+from etd_ros.output_files import written_beside
 
 if TYPE_CHECKING:
     from etd_ros.tracking import TargetReport
@@ -43,7 +44,7 @@ class TracksWriter:
     """Writes a TRACKS.csv; the file appears under its name only when the `with` block succeeds.
 
     Raises:
-        EvaluationError: on entry or exit, the file cannot be written.
+        OutputError: on entry or exit, the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:

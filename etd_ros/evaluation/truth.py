@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from etd_ros.boxes import Box
-from etd_ros.evaluation.table import EvaluationError, read_rows, written_beside
+from etd_ros.evaluation.table import EvaluationError, read_rows
+from etd_ros.output_files import written_beside
 
 COLUMNS = ("target", "stamp_ns", "x", "y", "w", "h")
 
@@ -42,7 +43,7 @@ def write_boxes(path: Path, boxes: Mapping[str, Iterable[TimedBox]]) -> None:
     """Write labelled boxes to 1/1000 of a pixel, target by target.
 
     Raises:
-        EvaluationError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     with written_beside(path) as file:
         writer = csv.writer(file, lineterminator="\n")

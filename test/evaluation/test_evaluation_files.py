@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow, TracksWriter, read_boxes, read_tracks, write_boxes
+from etd_ros.output_files import OutputError
 
 HEADER = "target,stamp_ns,x,y,w,h\n"
 
@@ -150,6 +151,6 @@ def test_an_output_that_cannot_be_written_is_refused_and_leaves_nothing(tmp_path
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(EvaluationError, match="cannot be written"), TracksWriter(tmp_path / place):
+    with pytest.raises(OutputError, match="cannot be written"), TracksWriter(tmp_path / place):
         pass
     assert sorted(tmp_path.rglob("*")) == before

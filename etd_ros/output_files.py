@@ -1,0 +1,77 @@
+"""Files that are written whole or not at all, and refused before the work where they cannot be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from etd_ros.errors import EtdError
+
+
+class OutputError(EtdError):
+    """An output that cannot be written."""
+
+
+def check_outputs(*outputs: Path | None) -> None:
+    """Refuse files that cannot be written, before the work rather than after it; None is passed over.
+
+    Raises:
+        OutputError: an output is no regular file, two are the same, or a folder is missing or not writable.
+    """
+    named = [output for output in outputs if output is not None]
+    for output in named:
+        _check_regular(output)
+        if not (output.parent.is_dir() and os.access(output.parent, os.W_OK)):
+            msg = f"{output}: cannot be written: name a file in a folder that exists and that you may write"
+            raise OutputError(msg)
+    if len({output.resolve() for output in named}) < len(named):
+        msg = f"{named[0]}: two outputs have one name: name them apart"
+        raise OutputError(msg)
+
+
+def write_beside(path: Path, content: bytes | str) -> None:
+    """Write a file, text as UTF-8, under a temporary name beside its own, then rename it.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with _renamed_at_the_end(path) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def written_beside(path: Path) -> Iterator[TextIO]:
+    """A UTF-8 text file under a temporary name, lines ended as they are written, that gets its own name only when the
+    block succeeds.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with _renamed_at_the_end(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        yield file
+
+
+@contextmanager
+def _renamed_at_the_end(path: Path) -> Iterator[Path]:
+    _check_regular(path)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        yield partial
+        partial.replace(path)
+    except OSError as err:
+        msg = f"{path}: cannot be written ({err.strerror or err}): name a file in a folder you may write"
+        raise OutputError(msg) from err
+    finally:
+        if partial.is_file():
+            partial.unlink()
+
+
+def _check_regular(path: Path) -> None:
+    """Renaming would put a file in the place of a device or a pipe."""
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "no regular file"
+        msg = f"{path}: cannot be written (is {kind}): name a file"
+        raise OutputError(msg)

@@ -1,0 +1,58 @@
+"""Outputs appear whole or not at all, and never in the place of something that is no file."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from etd_ros.output_files import OutputError, check_outputs, write_beside, written_beside
+
+
+@pytest.mark.parametrize("content", ["Straße\n", b"\x89PNG\r\n"])
+def test_what_is_written_is_read_back(tmp_path, content):
+    path = tmp_path / "out"
+    path.write_text("from an earlier run")
+    write_beside(path, content)
+    assert path.read_bytes() == (content if isinstance(content, bytes) else content.encode())
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_text_appears_only_when_it_is_whole(tmp_path):
+    path = tmp_path / "out.csv"
+    with written_beside(path) as file:
+        file.write("first\n")
+        assert not path.exists()
+    assert path.read_bytes() == b"first\n"
+
+    def write_and_fail():
+        with written_beside(path) as file:
+            file.write("second\n")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        write_and_fail()
+    assert path.read_bytes() == b"first\n"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("place", ["missing/out", "folder", "file/out", "pipe"])
+def test_what_cannot_be_written_is_named_and_left_as_it_is(tmp_path, place):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    os.mkfifo(tmp_path / "pipe")
+    before = sorted(tmp_path.rglob("*"))
+    path = tmp_path / place
+    with pytest.raises(OutputError, match=f"{place}: cannot be written"):
+        check_outputs(None, path)
+    with pytest.raises(OutputError, match=f"{place}: cannot be written"):
+        write_beside(path, b"")
+    with pytest.raises(OutputError, match=f"{place}: cannot be written"), written_beside(path):
+        pass
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_two_outputs_of_one_name_are_refused(tmp_path):
+    check_outputs(tmp_path / "a", tmp_path / "b")
+    with pytest.raises(OutputError, match="one name"):
+        check_outputs(tmp_path / "a", tmp_path / "folder" / ".." / "a")
