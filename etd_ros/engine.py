@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -209,8 +210,8 @@ def _make_converter(conversion: str, width: int, height: int, settings: Settings
     raise EngineError(msg)
 
 
-def make_tracker(method: str, width: int, height: int, settings: Settings) -> MultiTracker:
-    """The tracking stage of a method.
+def make_tracker(method: str, width: int, height: int, settings: Settings, *, searches: bool = False) -> MultiTracker:
+    """The tracking stage of a method; `searches`: whether its reports say how the targets were looked for.
 
     Raises:
         TrackingError: an unknown method.
@@ -219,7 +220,8 @@ def make_tracker(method: str, width: int, height: int, settings: Settings) -> Mu
     chosen = method_named(method)
     recovery = make_recovery(settings.recovery) if chosen.recovers else None
     contours = settings.contours if chosen.contours else None
-    return MultiTracker(width, height, settings.tracking, EdgeBoxes(settings.detection), recovery, contours)
+    detector = EdgeBoxes(settings.detection)
+    return MultiTracker(width, height, settings.tracking, detector, recovery, contours, searches=searches)
 
 
 def track(
@@ -229,6 +231,7 @@ def track(
     method: str = "etd",
     settings: Settings | None = None,
     threads: bool = True,
+    searches: bool = False,
 ) -> Generator[Step, None, None]:
     """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
 
@@ -240,6 +243,7 @@ def track(
         threads: whether all before the tracking (reading `streams`, conversion, reconstruction) has a thread beside the
             caller's. The steps are the same without. Where NZGE is measured in the targets' search regions, each
             frame waits for the boxes of the last one, and that thread only reads.
+        searches: whether reports say how the targets were looked for (`TargetReport.search`), to be drawn.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
@@ -253,7 +257,8 @@ def track(
         if method_named(method).recovers:
             parts = _images(parts, settings)
         with _ahead(parts, threads and not frames_wait) as made:
-            yield from _steps(made, targets, method, settings, regions)
+            make = partial(make_tracker, method, settings=settings, searches=searches)
+            yield from _steps(made, targets, make, regions)
 
 
 @contextmanager
@@ -281,7 +286,10 @@ def _images(parts: Iterable[Part], settings: Settings) -> Iterator[Part]:
 
 
 def _steps(
-    parts: Iterable[Part], targets: list[TargetStart], method: str, settings: Settings, regions: SearchRegions
+    parts: Iterable[Part],
+    targets: list[TargetStart],
+    make: Callable[[int, int], MultiTracker],
+    regions: SearchRegions,
 ) -> Iterator[Step]:
     size: tuple[int, int] | None = None
     for part in parts:
@@ -292,7 +300,7 @@ def _steps(
                     target.check_start(int(events.t[0]))
             if (events.width, events.height) != size:
                 size = (events.width, events.height)
-                tracker = make_tracker(method, *size, settings)
+                tracker = make(*size)
                 for target in targets:
                     tracker.start(target.name, target.box, target.stamp_ns)
         if part.frame is not None:

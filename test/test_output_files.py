@@ -53,6 +53,7 @@ def test_what_cannot_be_written_is_named_and_left_as_it_is(tmp_path, place):
 
 
 def test_two_outputs_of_one_name_are_refused(tmp_path):
+    (tmp_path / "folder").mkdir()
     check_outputs(tmp_path / "a", tmp_path / "b")
     with pytest.raises(OutputError, match="one name"):
         check_outputs(tmp_path / "a", tmp_path / "folder" / ".." / "a")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -10,12 +11,12 @@ from types import MappingProxyType
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.detection import EdgeBoxes
+from etd_ros.detection import EdgeBoxes, Proposals
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.target import FrameData, RecoveryFactory, Target, TargetReport, TargetState, TrackerConfig
+from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
 
 NAME_LENGTH_MAX = 64
 _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="targets")
@@ -31,6 +32,7 @@ class MultiTracker:
         detector: makes the proposals.
         recovery_factory: makes one recovery tracker a target; None: a failed target stays lost.
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
+        searches: whether reports say how each target was looked for, to be drawn.
     """
 
     def __init__(
@@ -41,6 +43,8 @@ class MultiTracker:
         detector: EdgeBoxes | None = None,
         recovery_factory: RecoveryFactory | None = None,
         contours: ContourConfig | None = None,
+        *,
+        searches: bool = False,
     ) -> None:
         self._width = width
         self._height = height
@@ -48,6 +52,7 @@ class MultiTracker:
         self._detector = detector or EdgeBoxes()
         self._recovery_factory = recovery_factory
         self._contours = contours
+        self._searches = searches
         self._surface = TimeSurface(width, height)
         self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
@@ -129,9 +134,21 @@ class MultiTracker:
             self._surface.take(stamp_ns, frame)
         # Contours take less time than handing them to a thread would; they share the surface, too.
         if len(targets) < 2 or self._contours is not None:
-            return tuple(target.update(stamp_ns, frame, image) for target in targets)
+            return tuple(self._updated(target, stamp_ns, frame, image) for target in targets)
         # These targets share nothing that changes, and nearly all of their time goes by in OpenCV without the GIL.
-        return tuple(_THREADS.map(lambda target: target.update(stamp_ns, frame, image), targets))
+        return tuple(_THREADS.map(lambda target: self._updated(target, stamp_ns, frame, image), targets))
+
+    def _updated(
+        self, target: Target | ContourTarget, stamp_ns: int, frame: FrameData, image: FrameData | None
+    ) -> TargetReport:
+        if not self._searches:
+            return target.update(stamp_ns, frame, image)
+        region = target.search_region
+        report = target.update(stamp_ns, frame, image)
+        if report.state is TargetState.IDLE:
+            return report
+        candidates = target.candidates if isinstance(target, Target) else Proposals.none()
+        return dataclasses.replace(report, search=Search(region, candidates))
 
     def _check_pixels(self, what: str, pixels: FrameData, shape: tuple[int, ...]) -> None:
         if pixels.shape != shape or pixels.dtype != np.uint8:

@@ -17,14 +17,14 @@ A target that stands still while others move gets no events, so no candidate: th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box, iou
-from etd_ros.detection import EdgeBoxes, admissibility
+from etd_ros.detection import EdgeBoxes, Proposals, admissibility
 from etd_ros.parameters import Parameters, parameter
 from etd_ros.recovery.interface import RecoveryTracker
 
@@ -73,6 +73,19 @@ class TrackerConfig(Parameters):
 
 
 @dataclass(frozen=True, slots=True)
+class Search:
+    """Where a target was looked for on a frame, and what it was chosen from.
+
+    Attributes:
+        region: the search region (pixels).
+        candidates: the admissible proposals, best first; none where the target was not tracked.
+    """
+
+    region: Box
+    candidates: Proposals
+
+
+@dataclass(frozen=True, slots=True)
 class TargetReport:
     """A target after a frame.
 
@@ -82,12 +95,14 @@ class TargetReport:
         box: its box (pixels), while TRACKING; else None.
         score: IoU with its box on the frame before, or what the recovery tracker gave if that found it on this frame;
             0 while there is no box.
+        search: how it was looked for; only where that was asked for, and the target has started.
     """
 
     name: str
     state: TargetState
     box: Box | None
     score: float
+    search: Search | None = field(default=None, compare=False)
 
 
 class Target:
@@ -117,6 +132,7 @@ class Target:
         self._config = config
         self._detector = detector
         self._recovery_factory = recovery_factory
+        self._candidates: Proposals
         self._state: TargetState
         self._last_box: Box
         self._recovery: RecoveryTracker | None
@@ -139,6 +155,11 @@ class Target:
         """Where it is looked for on the next frame (pixels)."""
         return self._last_box.scaled(self._detector.config.search_scale)
 
+    @property
+    def candidates(self) -> Proposals:
+        """The admissible proposals on the last frame; none where the target was not tracked."""
+        return self._candidates
+
     def update(self, stamp_ns: int, frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame and the intensity image of the same stamp, if there is one.
 
@@ -147,6 +168,7 @@ class Target:
             frame_data: uint8, shape (height, width, 2).
             image: uint8, shape (height, width), or None: nothing is searched or remembered on this frame.
         """
+        self._candidates = Proposals.none()
         starts = self._state is TargetState.IDLE
         if starts:
             if stamp_ns < self.start_stamp_ns:
@@ -171,6 +193,7 @@ class Target:
 
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
+        self._candidates = Proposals.none()
         self._last_box = self.start_box
         self._recovery = self._recovery_factory() if self._recovery_factory else None
         self._failed_at_ns = 0
@@ -180,7 +203,9 @@ class Target:
         """Move to the candidate with the largest IoU with the last box; that IoU, or None for a failure."""
         score_min = self._config.proposal_score_min
         proposals = self._detector.propose(frame_data, self._last_box, admissibility_min=score_min)
-        candidates = proposals.boxes[admissibility(proposals.boxes, self._last_box) > score_min]
+        is_admissible = admissibility(proposals.boxes, self._last_box) > score_min
+        self._candidates = Proposals(proposals.boxes[is_admissible], proposals.scores[is_admissible])
+        candidates = self._candidates.boxes
         if len(candidates) == 0:
             return None
         overlaps = iou(candidates, self._last_box)
