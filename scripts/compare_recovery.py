@@ -15,9 +15,20 @@ import numpy as np
 import torch
 from rich.progress import track
 
+from etd_ros.boxes import iou
 from etd_ros.recovery import RecoveryConfig, RecoveryTracker, make_recovery
 from etd_ros.recovery.compact import Compact
-from etd_ros.recovery.training.comparison import Row, outcome_of, row_of, table
+from etd_ros.recovery.siamese import SAME_PLACE_IOU, Candidate, SiameseRecovery
+from etd_ros.recovery.training.comparison import (
+    End,
+    Row,
+    is_right,
+    outcome_of,
+    row_of,
+    searched_images,
+    show_before_loss,
+    table,
+)
 from etd_ros.recovery.training.episodes import Episode, episodes
 from etd_ros.recovery.weights_file import save_compact
 
@@ -26,6 +37,8 @@ CHOOSING_SEED, REPORTING_SEED = 50_000, 60_000
 UNTRAINED = "compact before training"
 THRESHOLDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8)
 AGREEING = (1, 2, 3)
+FOCUS_SCORE_MIN = 0.25
+"""While the curve's searches are recorded, places of a larger score are looked at again on the next image."""
 
 
 def main() -> None:
@@ -76,29 +89,62 @@ def draw_curve(path: Path, shown: Sequence[Episode], config: RecoveryConfig) -> 
     """Share of losses recovered rightly against the share of episodes with a wrong recovery, and print the points."""
     import matplotlib.pyplot as plt
 
+    never = dataclasses.replace(config, tracker="compact", network_score_min=FOCUS_SCORE_MIN, network_agreeing=100)
+    make_tracker = make_recovery(never)
+    traces = [trace_of(make_tracker, episode) for episode in track(shown, "searching")]
     figure, axes = plt.subplots(figsize=(6.4, 4.8))
     for agreeing in AGREEING:
-        rows = []
-        for threshold in THRESHOLDS:
-            changed = dataclasses.replace(config, network_score_min=threshold, network_agreeing=agreeing)
-            rows.append(row(f"{agreeing} agreeing, {threshold:g}", maker("compact", changed), shown))
-            print(f"{agreeing} agreeing, score {threshold:g}: {rows[-1]}", flush=True)
-        wrong = [share_wrong(item) for item in rows]
-        axes.plot(wrong, [item.recovered for item in rows], "o-", ms=4, label=f"{agreeing} successive images agree")
-        for x, item, threshold in zip(wrong, rows, THRESHOLDS, strict=True):
-            axes.annotate(f"{threshold:g}", (x, item.recovered), fontsize=6, xytext=(2, 2), textcoords="offset points")
+        ends = [[end_of(trace, score, config.network_margin_min, agreeing) for trace in traces] for score in THRESHOLDS]
+        shares = [(wrong_share(answers), recovered_share(answers, shown)) for answers in ends]
+        for score, (wrong, recovered) in zip(THRESHOLDS, shares, strict=True):
+            print(f"{agreeing} agreeing, score {score:g}: recovered {recovered:.3f}, wrong {wrong:.3f}")
+            axes.annotate(f"{score:g}", (wrong, recovered), fontsize=6, xytext=(2, 2), textcoords="offset points")
+        axes.plot(*zip(*shares, strict=True), "o-", ms=4, label=f"compact, {agreeing} successive images agree")
     for name in ("csrt", "kcf"):
-        item = row(name, maker(name, config), shown)
-        axes.plot(share_wrong(item), item.recovered, "x", label=f"{name}, score_min {config.score_min:g}")
+        answers = [outcome_of(maker(name, config), episode).end for episode in track(shown, name)]
+        wrong, recovered = wrong_share(answers), recovered_share(answers, shown)
+        axes.plot(wrong, recovered, "x", label=f"{name}, score_min {config.score_min:g}")
     axes.set(xlabel="episodes with a wrong recovery", ylabel="losses recovered", xlim=(-0.01, None), ylim=(0, 1))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     figure.savefig(path, dpi=120, bbox_inches="tight")
 
 
-def share_wrong(item: Row) -> float:
+def trace_of(make_tracker: Callable[[], RecoveryTracker], episode: Episode) -> list[tuple[Candidate | None, bool]]:
+    """The likeliest place of each search, and whether it is right, from a tracker that never believes itself."""
+    tracker = make_tracker()
+    assert isinstance(tracker, SiameseRecovery)
+    show_before_loss(tracker, episode)
+    trace = []
+    for index, image in searched_images(episode):
+        tracker.search(image, episode.last_box)
+        trace.append((tracker.latest, tracker.latest is not None and is_right(tracker.latest.box, episode, index)))
+    return trace
+
+
+def end_of(trace: Sequence[tuple[Candidate | None, bool]], score: float, margin: float, agreeing: int) -> End:
+    """How an episode would have ended with these limits, but for where a place found once is looked at again."""
+    before: Candidate | None = None
+    count = 0
+    for candidate, right in trace:
+        if candidate is None or candidate.score < score or candidate.margin < margin:
+            before, count = None, 0
+            continue
+        is_same = before is not None and iou(np.array([candidate.box]), before.box)[0] >= SAME_PLACE_IOU
+        before, count = candidate, count + 1 if is_same else 1
+        if count == agreeing:
+            return End.RIGHT if right else End.WRONG
+    return End.NOT_FOUND
+
+
+def wrong_share(ends: Sequence[End]) -> float:
     """Of all episodes, those in which something else was taken for the target."""
-    return float(np.average([item.wrong, item.false], weights=[item.losses, item.gone]))
+    return float(np.mean([end is End.WRONG for end in ends]))
+
+
+def recovered_share(ends: Sequence[End], shown: Sequence[Episode]) -> float:
+    """Of the episodes in which the target comes back, those in which it was found rightly."""
+    return float(np.mean([end is End.RIGHT for end, episode in zip(ends, shown, strict=True) if episode.returns]))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ DISTRACTORS_MAX = 4
 DISTRACTOR_SCORE_MIN = 0.3
 """A place away from the target that scores as much while tracking is right is remembered as a distractor."""
 SURROUNDINGS_MAX = 3
-SURROUNDINGS_SIDE = 192
+SURROUNDINGS_SIDE = 256
 """Side of the crops that distractors are looked for in (pixels at the exemplar's scale)."""
 SAME_PLACE_IOU = 0.4
 """Boxes of successive images that overlap so much are one place."""
@@ -73,9 +73,13 @@ class SiameseRecovery:
 
     `remember` only copies pixels, because it is called while tracking is right and must not slow that down. The first
     searches after a loss make exemplars and distractors of them.
+
+    Attributes:
+        latest: the likeliest place of the last search, found convincingly or not; None where there was none.
     """
 
     def __init__(self, matcher: Matcher, config: RecoveryConfig) -> None:
+        self.latest: Candidate | None = None
         self._matcher = matcher
         self._config = config
         self._first: View | None = None
@@ -124,7 +128,7 @@ class SiameseRecovery:
             RecoveryError: `image` is not uint8 of shape (h, w).
         """
         check_image(image)
-        candidate = self.candidate(image, last_box)
+        candidate = self.latest = self._candidate(image, last_box)
         config = self._config
         if (
             candidate is None
@@ -140,7 +144,7 @@ class SiameseRecovery:
             return None
         return Found(candidate.box, min(1.0, candidate.score))
 
-    def candidate(self, image: GreyImage, last_box: Box) -> Candidate | None:
+    def _candidate(self, image: GreyImage, last_box: Box) -> Candidate | None:
         """The likeliest place in this search's part of the image, of a plausible size; None if there is none."""
         if self._first is None:
             return None

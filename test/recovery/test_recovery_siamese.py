@@ -103,8 +103,9 @@ def test_a_look_alike_that_was_seen_beside_the_target_scores_less_afterwards(mak
     known = after_a_loss(make, (target, START), (target, beside))
     unknown = after_a_loss(make, (target, START))
     image = picture((target, beside))
-    scores = [tracker.candidate(image, beside).score for tracker in (known, unknown)]
-    assert scores[0] < scores[1]
+    for tracker in (known, unknown):
+        tracker.search(image, beside)
+    assert known.latest.score < unknown.latest.score
 
 
 def test_remembering_copies_pixels_and_leaves_the_network_alone(make):
@@ -138,8 +139,10 @@ def test_targets_share_a_network_and_nothing_else(make):
     first, second = make(), make()
     image = picture((texture(1, 40, 36), START))
     first.remember(image, START)
-    assert second.candidate(image, START) is None
-    assert first.candidate(image, START) is not None
+    second.search(image, START)
+    first.search(image, START)
+    assert second.latest is None
+    assert first.latest is not None
 
 
 @settings(deadline=None, max_examples=30)

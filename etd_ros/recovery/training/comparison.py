@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+import numpy.typing as npt
 
-from etd_ros.boxes import iou
+from etd_ros.boxes import Box, iou
 from etd_ros.recovery.interface import RecoveryTracker
 from etd_ros.recovery.training.episodes import REMEMBERED_SHARE_MIN, SEEN_MIN, Episode
 
@@ -76,28 +77,40 @@ class Row:
 def outcome_of(make_tracker: Callable[[], RecoveryTracker], episode: Episode) -> Outcome:
     """Show an episode to a new tracker as the engine would, until it finds something or the images end."""
     tracker, sequence = make_tracker(), episode.sequence
-    visible = sequence.visible[:, episode.target]
-    for index in range(episode.lost):
-        if visible[index] >= REMEMBERED_SHARE_MIN:
-            tracker.remember(np.asarray(sequence.images[index]), episode.box(index))
-    last_box = episode.box(max(0, episode.lost - 1))
+    show_before_loss(tracker, episode)
     costs, seen_from = [], None
-    for index in range(episode.first, len(sequence.images)):
-        if seen_from is None and visible[index] >= SEEN_MIN:
+    for index, image in searched_images(episode):
+        if seen_from is None and sequence.visible[index, episode.target] >= SEEN_MIN:
             seen_from = index
-        image = np.asarray(sequence.images[index])
         start = time.thread_time()
-        found = tracker.search(image, last_box)
+        found = tracker.search(image, episode.last_box)
         costs.append(1e3 * (time.thread_time() - start))
         if found is None:
             continue
-        right = episode.returns and iou(np.array([found.box]), episode.box(index))[0] >= RIGHT_IOU
-        if not right:
+        if not is_right(found.box, episode, index):
             return Outcome(End.WRONG, episode.returns, 0.0, 0, tuple(costs))
         since = index if seen_from is None else seen_from
         wait_s = float(sequence.stamps_s[index] - sequence.stamps_s[since])
         return Outcome(End.RIGHT, True, wait_s, index - since, tuple(costs))
     return Outcome(End.NOT_FOUND, episode.returns, 0.0, 0, tuple(costs))
+
+
+def show_before_loss(tracker: RecoveryTracker, episode: Episode) -> None:
+    """Let a tracker remember the target on the images on which it was tracked."""
+    for index in range(episode.lost):
+        if episode.sequence.visible[index, episode.target] >= REMEMBERED_SHARE_MIN:
+            tracker.remember(np.asarray(episode.sequence.images[index]), episode.box(index))
+
+
+def searched_images(episode: Episode) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
+    """Number and pixels of the images after the loss."""
+    for index in range(episode.first, len(episode.sequence.images)):
+        yield index, np.asarray(episode.sequence.images[index])
+
+
+def is_right(box: Box, episode: Episode, index: int) -> bool:
+    """Whether the target is at a box on an image."""
+    return episode.returns and bool(iou(np.array([box]), episode.box(index))[0] >= RIGHT_IOU)
 
 
 def row_of(tracker: str, outcomes: Iterable[Outcome]) -> Row:

@@ -48,6 +48,11 @@ class Episode:
     first: int
     returns: bool
 
+    @property
+    def last_box(self) -> Box:
+        """Where the tracker saw the target last."""
+        return self.box(max(0, self.lost - 1))
+
     def box(self, image: int) -> Box:
         """The target's true box."""
         return Box(*self.sequence.boxes[image, self.target].tolist())
