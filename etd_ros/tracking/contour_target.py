@@ -28,17 +28,24 @@ CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.55, 0.3, 0.75
 """From where on a look is believed in full, not at all, and is the target found again (docs/tracking.md)."""
 CONFIDENCE_FOUND_HERE = 0.6
 """The same where its motion would have brought it."""
+KNOWN_MIN = 0.3
 USUAL_RATE = 0.08
 FAILING_S = 0.12
 """So long looks may fail before the target counts as lost."""
 FORGIVING = 2.0
 """How much faster good looks make up for failing ones."""
+VANISHING_PX_S, VANISHING_SHARE = 20.0, 0.75
+"""A target that is faster than this, and than this share of its usual speed, does not come to a halt at once."""
+SPEED_S = 0.1
+"""The usual speed is an average over this time."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
 FOUND_LOOKS = 2
 FOUND_DISTANCE_PX = 6.0
+SETTLING_LOOKS = 4
+"""After it was found its motion is not known for so many looks."""
 SEARCH_STEP_PX = 3.0
 SEARCH_RADIUS_PX, SEARCH_GROWTH_PX_S, SEARCH_RADIUS_MAX_PX = 9.0, 60.0, 36.0
 REMEMBER_NS = 50_000_000
@@ -123,11 +130,13 @@ class ContourTarget:
         self._recovery: RecoveryTracker | None = self._recovery_factory() if self._recovery_factory else None
         self._usual: Float64Array | None = None
         self._confidence = 1.0
-        self._failing_s = self._quiet_s = 0.0
+        self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
         self._failed_at_ns = self._searched_at_ns = 0
         self._remembered_at_ns = -REMEMBER_NS
         self._answer: Future[Found | None] | None = None
         self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
+        self._settling = 0
+        self._is_at_failure = False
         self._candidate: Look | None = None
         self._candidates = 0
 
@@ -135,45 +144,60 @@ class ContourTarget:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
         contours = self._contours
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
-        look = contours.look(self._surface)
+        look = contours.look(self._surface, any_motion=self._settling > 0)
         x, y = contours.predicted(stamp_ns)
         if look.events < EVENTS_MIN:
-            self._stand_still(stamp_ns, elapsed_s)
+            self._go_without_events(stamp_ns, elapsed_s)
             return
         self._quiet_s = 0.0
+        self._usual_speed_px_s += (1 - np.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
         self._confidence = self._confidence_of(look)
         if self._confidence < CONFIDENCE_OK:
             turned = contours.look(self._surface, any_motion=True)
             if self._confidence_of(turned) > self._confidence:
                 look, self._confidence = turned, self._confidence_of(turned)
                 contours.turn(look.direction)
+        if self._failing_s == 0:
+            # A new direction of motion shows edges that the model cannot know.
+            self._confidence /= max(contours.known, KNOWN_MIN)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
-        if doubt > 0 and self._failing_s == 0:
-            self._before = stamp_ns, contours.pose.copy(), contours.velocity.copy()
-        contours.follow(self._surface, look.x, look.y, 1.0 - doubt)
         if doubt > 0:
-            self._failing_s += elapsed_s * doubt
-        else:
+            self._doubt(stamp_ns, elapsed_s * doubt)
+        contours.follow(self._surface, look.x, look.y, 1.0 - doubt)
+        if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
             evidence = _evidence(look)
             self._usual = evidence if self._usual is None else self._usual + USUAL_RATE * (evidence - self._usual)
-            contours.adapt(self._surface, elapsed_s)
+            self._settling = max(0, self._settling - 1)
+            if not self._settling:
+                contours.adapt(self._surface, elapsed_s)
         if self._failing_s > FAILING_S or self._is_off():
             self._fail(stamp_ns)
 
     def _confidence_of(self, look: Look) -> float:
-        """A look in parts of the usual ones: its score, its score per event or the number of its events, whichever is
-        least. Things in front bring events elsewhere, or none."""
+        """A look in parts of the usual ones: its score or the number of its events, whichever is less. Things in front
+        bring events elsewhere, or none."""
         return 1.0 if self._usual is None else float((_evidence(look) / self._usual).min())
 
-    def _stand_still(self, stamp_ns: int, elapsed_s: float) -> None:
+    def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
+        """A target that was slowing down stands still now; one that was not has vanished behind something like it."""
         contours = self._contours
-        contours.velocity *= np.exp(-elapsed_s / STILL_S)
-        contours.stamp_ns = stamp_ns
+        if contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
+            self._doubt(stamp_ns, elapsed_s)
+            contours.follow(self._surface, *contours.predicted(stamp_ns), 0.0)
+        else:
+            contours.velocity *= np.exp(-elapsed_s / STILL_S)
+            contours.stamp_ns = stamp_ns
         if self._is_at_border():
             self._quiet_s += elapsed_s
-        if self._quiet_s > FAILING_S:
+        if max(self._quiet_s, self._failing_s) > FAILING_S:
             self._fail(stamp_ns)
+
+    def _doubt(self, stamp_ns: int, elapsed_s: float) -> None:
+        """Count a look that failed, and note where things stood before the first."""
+        if self._failing_s == 0:
+            self._before = self._contours.stamp_ns, self._contours.pose.copy(), self._contours.velocity.copy()
+        self._failing_s += elapsed_s
 
     def _is_off(self) -> bool:
         """Whether the middle of the target lies beyond the sensor."""
@@ -204,6 +228,7 @@ class ContourTarget:
         if answer is not None:
             self._contours.pose[:2] = answer.box.center
             self._contours.velocity[:] = 0
+            self._settling = SETTLING_LOOKS
         elif not self._contours_found(since_s):
             return
         self._state = TargetState.TRACKING
@@ -223,7 +248,10 @@ class ContourTarget:
         contours = self._contours
         reach = min(SEARCH_RADIUS_PX + SEARCH_GROWTH_PX_S * since_s, SEARCH_RADIUS_MAX_PX)
         side = 2 * int(reach / SEARCH_STEP_PX) + 1
-        x, y = (float(value) for value in contours.pose[:2])
+        # It may have stopped instead.
+        if self._candidate is None:
+            self._is_at_failure = not self._is_at_failure
+        x, y = (float(value) for value in (self._before[1] if self._is_at_failure else contours.pose)[:2])
         coarse = contours.look_at(self._surface, x, y, np.zeros((side, side)), SEARCH_STEP_PX)
         look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7)), 1.0)
         is_here = np.hypot(look.x - x, look.y - y) < FOUND_DISTANCE_PX
@@ -238,6 +266,9 @@ class ContourTarget:
         if self._candidates < FOUND_LOOKS:
             return False
         contours.pose[:2] = look.x, look.y
+        if self._is_at_failure or not is_here:
+            contours.velocity[:] = 0
+            self._settling = SETTLING_LOOKS
         return True
 
     def _answer_from_images(self, stamp_ns: int, image: FrameData | None) -> Found | None:
@@ -263,6 +294,6 @@ class ContourTarget:
 
 
 def _evidence(look: Look) -> Float64Array:
-    """What a look is measured by: its score, its agreement and its events, as if all of its window were motion. A slow
-    target has fewer events, whose score grows with the root of their number."""
-    return np.maximum([look.score / np.sqrt(look.motion), look.agreement, look.events / look.motion], 1e-6)
+    """What a look is measured by: its score and its events, as if all of its window were motion. A slow target has fewer
+    events, whose score grows with the root of their number."""
+    return np.maximum([look.score / np.sqrt(look.motion), look.events / look.motion], 1e-6)

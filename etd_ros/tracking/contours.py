@@ -31,6 +31,10 @@ MARGIN = 1.2
 BORDER_CELLS = 2
 KEPT_MARGIN_PX = 10.0
 """How far round the model the surface is kept up to date, for the looks to come."""
+SCALE, ANGLE = 2, 3
+"""Parts of a pose."""
+TURN_RATE, TURN_MIN_RAD = 0.2, 0.005
+"""Turns are averaged over looks; smaller ones are noise."""
 SCALE_STEP, ANGLE_STEP = 0.04, 0.05
 SCALE_LIMITS = (0.2, 5.0)
 EVENTS_MIN = 25
@@ -45,6 +49,8 @@ VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
 BIAS_PX = 4.0
 """The direction so far counts like this much motion when the polarity of a place is predicted."""
+NEW_RATE = 0.2
+"""How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
 SPEED_MIN_PX_S = 5.0
 """Slower motion has no direction that can be told from noise."""
@@ -68,7 +74,7 @@ class ContourConfig(Parameters):
         0.4, "share of a measured change of scale that is taken on; 0 keeps the size", low=0.0, high=1.0
     )
     angle_gain: float = parameter(
-        0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
+        0.0, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
     )
     ridge_weight: float = parameter(
         0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
@@ -119,16 +125,19 @@ class Contours:
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
         self.direction = np.zeros(2)
+        self._seen = np.zeros((2, 2))
         self._norms = np.zeros(4)
         self._looks = 0
+        self._turn_rad = 0.0
         self._events_per_px: float | None = None
         self._events_waiting = 0
         side = 2 * config.search_radius + 1
         self._scores = np.zeros((side, side))
+        self._wide_scores = np.zeros((2 * side - 1, 2 * side - 1))
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        w, h = (side * float(self.pose[2]) for side in self._size)
+        w, h = (side * float(self.pose[SCALE]) for side in self._size)
         return Box(x - w / 2, y - h / 2, w, h)
 
     @property
@@ -140,6 +149,11 @@ class Contours:
     def speed_px_s(self) -> float:
         """How fast the target moves (pixels/s)."""
         return float(np.hypot(*self.velocity))
+
+    @property
+    def known(self) -> float:
+        """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
+        return float(self.direction @ self._seen @ self.direction)
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -162,9 +176,11 @@ class Contours:
 
         Args:
             surface: the events.
-            any_motion: the target may have turned: polarities count for the direction that fits them best.
+            any_motion: the target may have turned or sped up: polarities count for the direction that fits them best,
+                and places twice as far away are looked at.
         """
-        return self.look_at(surface, *self.predicted(surface.stamp_ns), self._scores, 1.0, any_motion)
+        scores = self._wide_scores if any_motion else self._scores
+        return self.look_at(surface, *self.predicted(surface.stamp_ns), scores, 1.0, any_motion)
 
     def look_at(
         self,
@@ -221,35 +237,41 @@ class Contours:
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
         if self.config.scale_gain > 0:
-            self._fit(points, count, 2, SCALE_STEP, self.config.scale_gain)
+            change = self._misfit(points, count, SCALE, SCALE_STEP)
+            self.pose[SCALE] *= math.exp(self.config.scale_gain * change)
+            self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)
         if self.config.angle_gain > 0:
-            self._fit(points, count, 3, ANGLE_STEP, self.config.angle_gain)
+            self._turn_rad += TURN_RATE * (self._misfit(points, count, ANGLE, ANGLE_STEP) - self._turn_rad)
+            if abs(self._turn_rad) > TURN_MIN_RAD:
+                self.pose[ANGLE] += self.config.angle_gain * self._turn_rad
         if self.speed_px_s > SPEED_MIN_PX_S:
             self.direction = self.velocity / self.speed_px_s
         self._looks += 1
         inside = splat(points, count, self.pose, self.cell_px, self.velocity, self.drawn)
         self._count_events(inside, span_s)
-        learn(self.maps, self.drawn, self.room, self.direction, max(self.config.learning_rate, 1 / self._looks), 1.0)
+        rate = max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
+        learn(self.maps, self.drawn, self.room, self.direction, rate, 1.0)
+        self._see(rate)
+
+    def _see(self, rate: float) -> None:
+        self._seen += rate * (1 - self.known) * np.outer(self.direction, self.direction)
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = direction
         learn(self.maps, self.drawn, self.room, direction, 1.0, looks)
+        self._see(1.0)
         self._looks = looks_known
 
-    def _fit(self, points: Float32Array, count: int, part: int, step: float, gain: float) -> None:
-        """Move scale (part 2, by factors) or angle (part 3) towards the best of three values."""
+    def _misfit(self, points: Float32Array, count: int, part: int, step: float) -> float:
+        """By how much another scale (its logarithm) or angle (rad) fits the points better, at most half a step."""
         pose, values = self.pose.copy(), []
         for number in (-1, 0, 1):
-            pose[part] = self.pose[part] * (1 + number * step) if part == 2 else self.pose[part] + number * step
+            pose[part] = self.pose[part] * (1 + number * step) if part == SCALE else self.pose[part] + number * step
             score = self._score(points, count, pose, False)[0]
             # A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
-            values.append(score / pose[2])
-        change = gain * step * parabola(*values)
-        if part == 2:
-            self.pose[2] = np.clip(self.pose[2] * math.exp(change), *SCALE_LIMITS)
-        else:
-            self.pose[3] += change
+            values.append(score / pose[SCALE])
+        return step * parabola(*values)
 
     def _score(
         self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool
