@@ -9,7 +9,20 @@ from collections.abc import Sequence
 
 from etd_ros.errors import EtdError
 
-COMMANDS = ("info", "track", "replay", "simulate", "demo", "parameters", "calibrate", "nzge", "benchmark", "evaluate", "train")
+COMMANDS = (
+    "info",
+    "track",
+    "plot",
+    "replay",
+    "simulate",
+    "demo",
+    "parameters",
+    "calibrate",
+    "nzge",
+    "benchmark",
+    "evaluate",
+    "train",
+)
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 

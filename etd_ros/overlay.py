@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any
 
 import cv2
@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
-from etd_ros.tracking import TargetReport, TargetState
+from etd_ros.overlay_history import History
+from etd_ros.tracking import Search, TargetReport, TargetState
 
 Picture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -23,6 +24,8 @@ GROUND: Colour = (28, 22, 20)
 ON: Colour = (255, 214, 120)
 OFF: Colour = (150, 70, 235)
 TEXT: Colour = (225, 225, 225)
+TRUTH: Colour = (200, 200, 200)
+PROPOSAL: Colour = (255, 130, 200)
 STATE_COLOURS: dict[TargetState, Colour] = {
     TargetState.TRACKING: (90, 230, 90),
     TargetState.RECOVERING: (0, 210, 255),
@@ -34,10 +37,17 @@ STATE_COLOURS: dict[TargetState, Colour] = {
 WIDTH_ONE_PANEL = 720
 WIDTH_TWO_PANELS = 960
 SCALE_MIN = 0.5
-BAR_HEIGHT = 28
+BAR_HEIGHT, BAR_MARGIN, BAR_GAP = 28, 8, 20
 MP4V = int.from_bytes(b"mp4v", "little")
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_SCALE = 0.5
+PROPOSALS_MAX = 40
+"""More of them hide what they are about."""
+PROPOSAL_STRENGTHS = (0.2, 0.8)
+"""Of the faintest and of the best."""
+DASH = 5
+FLASH_STRENGTH, FLASH_THICKNESS = 0.45, 4
+NO_TRUTH: Mapping[str, Box] = MappingProxyType({})
 
 
 class OverlayError(EtdError):
@@ -51,8 +61,13 @@ def draw_overlay(
     image: npt.NDArray[np.uint8] | None = None,
     stamp_ns: int | None = None,
     scale: float | None = None,
+    proposals: bool = False,
+    truth: Mapping[str, Box] = NO_TRUTH,
+    history: History | None = None,
 ) -> Picture:
     """One picture of a frame: events by polarity, fading as they decay, and the targets' boxes, names and states.
+
+    Where the reports say how a target was looked for, the search region of one that is being recovered is dashed.
 
     Args:
         frame_data: uint8, shape (h, w, 2), channels On and Off.
@@ -60,6 +75,9 @@ def draw_overlay(
         image: the intensity image to show beside the events, uint8, shape (h, w).
         stamp_ns: the time to write below (ns).
         scale: picture pixels for one of the sensor; by default the picture is 720 to 960 pixels wide or so.
+        proposals: whether to draw the best of the proposals in the reports, thin and the fainter the lower their score.
+        truth: true boxes to draw thin and grey, by target (pixels).
+        history: draws trails of the boxes' centres, and marks targets that were just found again.
 
     Returns:
         uint8, shape (rows, columns, 3), blue, green, red; rows and columns are even, as video needs it.
@@ -73,7 +91,12 @@ def draw_overlay(
     if image is not None:
         panels.append(np.repeat(image[:, :, None], 3, axis=2))
     scale = scale or _default_scale(frame_data.shape[1], len(panels))
-    drawn = np.hstack([_draw_targets(_enlarge(panel, scale), reports, scale) for panel in panels])
+    drawn = np.hstack(
+        [
+            _draw_targets(_enlarge(panel, scale), reports, scale, proposals=proposals, truth=truth, history=history)
+            for panel in panels
+        ]
+    )
     picture = np.vstack([drawn, _bar(drawn.shape[1], reports, stamp_ns)])
     rows, columns, _ = picture.shape
     return np.pad(picture, ((0, rows % 2), (0, columns % 2), (0, 0)))
@@ -171,38 +194,122 @@ def _enlarge(panel: Picture, scale: float) -> Picture:
     return np.asarray(cv2.resize(panel, size, interpolation=interpolation), np.uint8)
 
 
-def _draw_targets(panel: Picture, reports: Iterable[TargetReport], scale: float) -> Picture:
+def _draw_targets(
+    panel: Picture,
+    reports: Sequence[TargetReport],
+    scale: float,
+    *,
+    proposals: bool,
+    truth: Mapping[str, Box],
+    history: History | None,
+) -> Picture:
+    if proposals:
+        for report in reports:
+            if report.search is not None:
+                _draw_proposals(panel, report.search, scale)
+    for box in truth.values():
+        cv2.rectangle(panel, *_corners(panel, box, scale), TRUTH, 1)
     for report in reports:
+        colour = STATE_COLOURS[report.state]
+        if history is not None:
+            _draw_trail(panel, history.trail(report.name), scale, colour)
         if report.box is not None:
-            _draw_box(panel, report.box, scale, report.name, STATE_COLOURS[report.state])
+            flash = 0.0 if history is None else history.flash(report.name)
+            _draw_box(panel, report.box, scale, colour, flash)
+            _draw_name(panel, report.box, scale, report.name, colour)
+        elif report.search is not None and report.state is TargetState.RECOVERING:
+            _draw_region(panel, report.search.region, scale, colour)
+            _draw_name(panel, report.search.region, scale, report.name, colour)
     return panel
 
 
-def _draw_box(panel: Picture, box: Box, scale: float, name: str, colour: Colour) -> None:
+def _corners(panel: Picture, box: Box, scale: float) -> tuple[tuple[int, int], tuple[int, int]]:
+    """A box partly off the sensor is drawn to the border; OpenCV cannot take coordinates of any size."""
     rows, columns, _ = panel.shape
-    # A box partly off the sensor is drawn to the border; OpenCV cannot take coordinates of any size.
     left, right = (int(np.clip(x * scale, -2, columns + 2)) for x in (box.x, box.x + box.w))
     top, bottom = (int(np.clip(y * scale, -2, rows + 2)) for y in (box.y, box.y + box.h))
-    cv2.rectangle(panel, (left, top), (right, bottom), colour, 2)
+    return (left, top), (right, bottom)
+
+
+def _draw_proposals(panel: Picture, search: Search, scale: float) -> None:
+    """The best ones, the better the clearer and the further in front."""
+    scores = search.candidates.scores[:PROPOSALS_MAX]
+    if not len(scores):
+        return
+    best = float(scores.max())
+    shares = np.interp(scores / best if best > 0 else np.ones(len(scores)), (0, 1), PROPOSAL_STRENGTHS)
+    strength = np.zeros(panel.shape[:2], np.uint8)
+    for box, share in reversed(list(zip(search.candidates.boxes, shares, strict=False))):
+        cv2.rectangle(strength, *_corners(panel, Box(*box.tolist()), scale), round(255 * float(share)), 1)
+    _blend(panel, strength, PROPOSAL)
+
+
+def _draw_region(panel: Picture, region: Box, scale: float, colour: Colour) -> None:
+    strength = np.zeros(panel.shape[:2], np.uint8)
+    cv2.rectangle(strength, *_corners(panel, region, scale), 255, 1)
+    rows, columns = np.ogrid[: panel.shape[0], : panel.shape[1]]
+    # Diagonal stripes dash lines in both directions.
+    strength[(rows + columns) // DASH % 2 == 1] = 0
+    _blend(panel, strength, colour)
+
+
+def _draw_trail(panel: Picture, trail: npt.NDArray[np.float64], scale: float, colour: Colour) -> None:
+    strength = np.zeros(panel.shape[:2], np.uint8)
+    limit = 2 * max(panel.shape)
+    points = np.clip(trail[:, :2] * scale, -limit, limit).astype(np.int32).tolist()
+    for start, end, freshness in zip(points[:-1], points[1:], trail[1:, 2], strict=True):
+        cv2.line(strength, start, end, round(255 * float(freshness)), 2)
+    _blend(panel, strength, colour)
+
+
+def _draw_box(panel: Picture, box: Box, scale: float, colour: Colour, flash: float) -> None:
+    corners = _corners(panel, box, scale)
+    if flash > 0:
+        strength = np.zeros(panel.shape[:2], np.uint8)
+        cv2.rectangle(strength, *corners, round(255 * FLASH_STRENGTH * flash), cv2.FILLED)
+        _blend(panel, strength, colour)
+    cv2.rectangle(panel, *corners, colour, 2 + round(FLASH_THICKNESS * flash))
+
+
+def _draw_name(panel: Picture, box: Box, scale: float, name: str, colour: Colour) -> None:
+    """A tag on the box's upper left corner."""
+    (left, top), _ = _corners(panel, box, scale)
     (text_width, text_height), _ = cv2.getTextSize(name, FONT, FONT_SCALE, 1)
-    x = max(0, min(left - 1, columns - text_width - 6))
+    x = max(0, min(left - 1, panel.shape[1] - text_width - 6))
     y = max(text_height + 6, top - 1)
     cv2.rectangle(panel, (x, y - text_height - 6), (x + text_width + 6, y), colour, cv2.FILLED)
     cv2.putText(panel, name, (x + 3, y - 4), FONT, FONT_SCALE, GROUND, 1, cv2.LINE_AA)
 
 
-def _bar(width: int, reports: Iterable[TargetReport], stamp_ns: int | None) -> Picture:
-    """The stamp, and each target's name, state and score in its state's colour, as far as they go."""
+def _blend(panel: Picture, strength: npt.NDArray[np.uint8], colour: Colour) -> None:
+    """Lay a colour over a panel, as opaque as `strength`, shape (rows, columns), says at each pixel."""
+    touched = strength > 0
+    share = strength[touched].astype(np.float32)[:, None] / 255
+    panel[touched] = (panel[touched] * (1 - share) + np.asarray(colour, np.float32) * share).astype(np.uint8)
+
+
+def _bar(width: int, reports: Sequence[TargetReport], stamp_ns: int | None) -> Picture:
+    """The stamp, and each target's name, state and score in its state's colour; those that do not fit are counted."""
     bar = np.full((BAR_HEIGHT, width, 3), GROUND, np.uint8)
     words = [] if stamp_ns is None else [(f"{stamp_ns // 10**9}.{stamp_ns % 10**9 // 10**6:03d} s", TEXT)]
     for report in reports:
         score = "" if report.box is None else f" {report.score:.2f}"
         words.append((f"{report.name} {report.state.value}{score}", STATE_COLOURS[report.state]))
-    x = 8
-    for text, colour in words:
-        cv2.putText(bar, text, (x, BAR_HEIGHT - 9), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
-        x += cv2.getTextSize(text, FONT, FONT_SCALE, 1)[0][0] + 20
+    x = BAR_MARGIN
+    for index, (text, colour) in enumerate(words):
+        left = len(words) - index
+        end = x + _text_width(text) + (BAR_GAP + _text_width(f"+{left - 1}") if left > 1 else 0)
+        is_too_long = end > width - BAR_MARGIN
+        shown, shown_colour = (f"+{left}", TEXT) if is_too_long else (text, colour)
+        cv2.putText(bar, shown, (x, BAR_HEIGHT - 9), FONT, FONT_SCALE, shown_colour, 1, cv2.LINE_AA)
+        if is_too_long:
+            break
+        x += _text_width(text) + BAR_GAP
     return bar
+
+
+def _text_width(text: str) -> int:
+    return int(cv2.getTextSize(text, FONT, FONT_SCALE, 1)[0][0])
 
 
 def _fit(picture: Picture, shape: tuple[int, int]) -> Picture:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,9 @@ import numpy.typing as npt
 
 from etd_ros.conversion import FrameEnd
 from etd_ros.errors import EtdError
+from etd_ros.evaluation import mean_score
+from etd_ros.evaluation.overlaps import LABEL_GAP_MAX_NS, TargetOverlap
+from etd_ros.evaluation.scoring import SUCCESS_IOU
 from etd_ros.overlay import FONT, GROUND, TEXT, Picture, draw_overlay
 
 CAPTION_HEIGHT = 18
@@ -30,6 +33,12 @@ END_COLOURS = {
     FrameEnd.WINDOW: "tab:green",
     FrameEnd.COUNT: "tab:purple",
 }
+STATE_SHADES = {"recovering": "#ffd54f", "lost": "#ef5350"}
+OVERLAP_COLOUR = "#1565c0"
+PANELS_MAX, PANELS_PER_COLUMN = 64, 8
+PANEL_INCHES = 7.0, 1.55
+LABELS_MARKED = 150
+"""So many labels, or more, make a curve without dots."""
 
 
 class PlotError(EtdError):
@@ -157,6 +166,62 @@ def nzge_png(curve: NzgeCurve, title: str) -> bytes:
         axes.set_ylim(bottom=0)
     above.legend(loc="lower right")
     return _png(figure)
+
+
+def overlap_png(overlaps: Mapping[str, TargetOverlap], title: str) -> bytes:
+    """A PNG of the overlap with the truth over time, a panel a target with its AP and AR, and the times shaded during
+    which the target was being recovered or lost. Times are seconds since the first label or state of any target.
+
+    Raises:
+        PlotError: Matplotlib is missing, or there is no target, or more than 64.
+    """
+    if not 1 <= len(overlaps) <= PANELS_MAX:
+        msg = f"{len(overlaps)} targets to plot: give truth of 1 to {PANELS_MAX}"
+        raise PlotError(msg)
+    columns = -(-len(overlaps) // PANELS_PER_COLUMN)
+    rows = -(-len(overlaps) // columns)
+    figure = _new_figure(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 1.0)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    starts_ns = [ns for of in overlaps.values() for ns in (int(of.stamps_ns[0]), *(s.start_ns for s in of.spells[:1]))]
+    for axes, (name, overlap) in zip(grid.T.flat, overlaps.items(), strict=False):
+        _plot_overlap(axes, name, overlap, min(starts_ns))
+    for axes in grid.T.flat[len(overlaps) :]:
+        axes.set_axis_off()
+    for axes in grid[:, 0]:
+        axes.set_ylabel("IoU")
+    for axes in grid[-1]:
+        axes.set_xlabel("time (s)")
+    mean = mean_score({name: overlap.score for name, overlap in overlaps.items()})
+    figure.suptitle(f"{title}: mean AP {mean.ap:.3f}, AR {mean.ar:.3f}" if len(overlaps) > 1 else title)
+    figure.legend(handles=_overlap_legend(), loc="outside lower center", ncols=4, frameon=False)
+    return _png(figure)
+
+
+def _plot_overlap(axes: Any, name: str, overlap: TargetOverlap, origin_ns: int) -> None:
+    for spell in overlap.spells:
+        if spell.state in STATE_SHADES:
+            ends_s = ((ns - origin_ns) * 1e-9 for ns in (spell.start_ns, spell.end_ns))
+            axes.axvspan(*ends_s, color=STATE_SHADES[spell.state], alpha=0.45, lw=0)
+    gaps = np.flatnonzero(np.diff(overlap.stamps_ns) > LABEL_GAP_MAX_NS) + 1
+    times_s, values = (overlap.stamps_ns - origin_ns) * 1e-9, overlap.values
+    for part_s, part in zip(np.split(times_s, gaps), np.split(values, gaps), strict=True):
+        axes.plot(part_s, part, color=OVERLAP_COLOUR, lw=1.4, marker="o", ms=2 if len(part) < LABELS_MARKED else 0)
+        axes.fill_between(part_s, part, color=OVERLAP_COLOUR, alpha=0.12, lw=0)
+    axes.axhline(SUCCESS_IOU, color="0.5", lw=0.8, ls=":")
+    axes.set_ylim(0, 1)
+    axes.set_title(f"{name}   AP {overlap.score.ap:.3f}   AR {overlap.score.ar:.3f}", fontsize=10, loc="left")
+
+
+def _overlap_legend() -> list[Any]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    shades = [Patch(color=colour, alpha=0.45, lw=0, label=state) for state, colour in STATE_SHADES.items()]
+    return [
+        Line2D([], [], color=OVERLAP_COLOUR, label="overlap with the truth"),
+        Line2D([], [], color="0.5", lw=0.8, ls=":", label=f"success ({SUCCESS_IOU:g})"),
+        *shades,
+    ]
 
 
 def check_matplotlib() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +13,18 @@ import yaml
 from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.engine import track as track_streams
-from etd_ros.evaluation import TracksWriter
-from etd_ros.output_files import check_outputs
-from etd_ros.overlay import VideoWriter, draw_overlay
+from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
+from etd_ros.evaluation.overlaps import overlaps
+from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.parameters import ParameterError
+from etd_ros.plots import check_matplotlib, overlap_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
 from etd_ros.targets import TargetError, parse_target, targets_from_file, unique_targets
 from etd_ros.tracking import METHODS, method_named
+from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
-VIDEO_FPS = 30.0
+Truth = Mapping[str, Sequence[TimedBox]]
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -35,7 +37,21 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     )
     parser.add_argument("--output", type=Path, required=True, metavar="TRACKS.csv", help="where the boxes go")
     parser.add_argument("--method", default="etd", help=f"one of {', '.join(METHODS)} (default: %(default)s)")
-    parser.add_argument("--video", type=Path, metavar="V.mp4", help="also write a video of frames, boxes and states")
+    parser.add_argument(
+        "--video",
+        type=Path,
+        metavar="V.mp4",
+        help=f"also write a video of frames, boxes and states: {FPS} pictures/s in real time, each of the newest frame",
+    )
+    parser.add_argument("--slow", type=float, default=1.0, metavar="FACTOR", help="slow the video (default: 1)")
+    parser.add_argument("--proposals", action="store_true", help="draw proposals into the video")
+    parser.add_argument("--truth", type=Path, metavar="BOXES.csv", help="draw these boxes into the video, in grey")
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="P.png",
+        help="plot the overlap over time with the boxes of --truth, or those of --targets at later times",
+    )
     parser.add_argument(
         "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
     )
@@ -46,9 +62,12 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 
 def run(options: argparse.Namespace) -> int:
-    """Track, write the tracks (and the video)."""
+    """Track, write the tracks (and the video, and the plot)."""
     method_named(options.method)
-    check_outputs(options.output, options.video)
+    check_outputs(options.output, options.video, options.plot)
+    if options.plot is not None:
+        check_matplotlib()
+    truth = read_boxes(options.truth) if options.truth else None
     settings = read_settings(options.config, options.set)
     targets = unique_targets(
         [*(targets_from_file(options.targets) if options.targets else []), *map(parse_target, options.target)]
@@ -56,18 +75,48 @@ def run(options: argparse.Namespace) -> int:
     if not targets:
         msg = "nothing to track: give --targets BOXES.csv or --target NAME:X,Y,W,H@STAMP_NS"
         raise TargetError(msg)
+    plotted = _plotted_truth(options, {target.name for target in targets}) if options.plot else None
     with ExitStack() as stack:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
-        video = stack.enter_context(VideoWriter(options.video, VIDEO_FPS)) if options.video else None
+        video = stack.enter_context(_video(options, truth)) if options.video else None
         batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
         # Its thread ends before the recording that it reads is closed.
-        steps = stack.enter_context(closing(track_streams(batches, targets, method=options.method, settings=settings)))
+        steps = stack.enter_context(
+            closing(
+                track_streams(batches, targets, method=options.method, settings=settings, searches=video is not None)
+            )
+        )
         for step in steps:
             tracks.write_reports(step.frame.stamp_ns, step.reports)
             if video is not None:
-                video.write(draw_overlay(step.frame.data, step.reports, image=step.image, stamp_ns=step.frame.stamp_ns))
+                video.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image)
+    if plotted is not None:
+        of_targets = overlaps(read_tracks(options.output), plotted)
+        write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
     return 0
+
+
+def _video(options: argparse.Namespace, truth: Truth | None) -> AbstractContextManager[TrackingVideo]:
+    return tracking_video(options.video, slow=options.slow, proposals=options.proposals, truth=truth)
+
+
+def _plotted_truth(options: argparse.Namespace, names: Collection[str]) -> Truth:
+    """The labels of the targets that are tracked, as far as there are any after the start.
+
+    Raises:
+        EvaluationError: there are none.
+    """
+    file = options.truth or options.targets
+    truth = read_boxes(file) if file else {}
+    plotted = {name: labels for name, labels in truth.items() if name in names and len(labels) > 1}
+    if not plotted:
+        msg = (
+            f"{file or '--plot'}: no target has boxes to be held against: give --truth BOXES.csv with the names of the "
+            "targets and boxes at several times"
+        )
+        raise EvaluationError(msg)
+    return plotted
 
 
 def read_settings(config: Path | None, assignments: Sequence[str]) -> Settings:

@@ -48,6 +48,13 @@ def score(tracks: Mapping[str, Sequence[TrackRow]], truth: Mapping[str, Sequence
     return {name: _score_target(name, tracks.get(name, ()), truth[name]) for name in sorted(truth)}
 
 
+def label_overlaps(track: Sequence[TrackRow], labels: Sequence[TimedBox]) -> list[float]:
+    """IoU of each label with the track's last row at or before it; 0 without a row, or without a box in it. Both
+    arguments hold rows in order of time."""
+    stamps = [row.stamp_ns for row in track]
+    return [_overlap(track, bisect_right(stamps, label.stamp_ns) - 1, label) for label in labels]
+
+
 def mean_score(scores: Mapping[str, Score]) -> Score:
     """Mean over the targets, each with the same weight; n is the sum.
 
@@ -70,8 +77,7 @@ def _score_target(name: str, track: Sequence[TrackRow], truth: Sequence[TimedBox
     if not labels:
         msg = f"target {name!r} has a single label, from which the tracker starts: label it at two times or more"
         raise EvaluationError(msg)
-    stamps = [row.stamp_ns for row in track]
-    overlaps = [_overlap(track, bisect_right(stamps, label.stamp_ns) - 1, label) for label in labels]
+    overlaps = label_overlaps(track, labels)
     n = len(overlaps)
     return Score(ap=sum(overlaps) / n, ar=sum(overlap >= SUCCESS_IOU for overlap in overlaps) / n, n=n)
 
