@@ -30,12 +30,13 @@ CONFIDENCE_FOUND_HERE = 0.6
 """The same where its motion would have brought it."""
 KNOWN_MIN = 0.3
 USUAL_RATE = 0.08
-FAILING_S = 0.12
-"""So long looks may fail before the target counts as lost."""
+FAILING_S, LEAVING_S = 0.3, 0.12
+"""So long looks may fail before the target counts as lost; the second at the border of the sensor."""
 FORGIVING = 2.0
 """How much faster good looks make up for failing ones."""
 VANISHING_PX_S, VANISHING_SHARE = 20.0, 0.75
 """A target that is faster than this, and than this share of its usual speed, does not come to a halt at once."""
+SPEED_OUT_PX_S = 10.0
 SPEED_S = 0.1
 """The usual speed is an average over this time."""
 STILL_S = 0.03
@@ -135,6 +136,7 @@ class ContourTarget:
         self._remembered_at_ns = -REMEMBER_NS
         self._answer: Future[Found | None] | None = None
         self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
+        self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
         self._is_at_failure = False
         self._candidate: Look | None = None
@@ -150,6 +152,7 @@ class ContourTarget:
             self._go_without_events(stamp_ns, elapsed_s)
             return
         self._quiet_s = 0.0
+        self._leaving_velocity = contours.velocity.copy()
         self._usual_speed_px_s += (1 - np.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
         self._confidence = self._confidence_of(look)
         if self._confidence < CONFIDENCE_OK:
@@ -163,7 +166,8 @@ class ContourTarget:
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
             self._doubt(stamp_ns, elapsed_s * doubt)
-        contours.follow(self._surface, look.x, look.y, 1.0 - doubt)
+        trust = 1.0 - doubt
+        contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
             evidence = _evidence(look)
@@ -171,7 +175,7 @@ class ContourTarget:
             self._settling = max(0, self._settling - 1)
             if not self._settling:
                 contours.adapt(self._surface, elapsed_s)
-        if self._failing_s > FAILING_S or self._is_off():
+        if self._has_failed() or self._is_off():
             self._fail(stamp_ns)
 
     def _confidence_of(self, look: Look) -> float:
@@ -188,9 +192,9 @@ class ContourTarget:
         else:
             contours.velocity *= np.exp(-elapsed_s / STILL_S)
             contours.stamp_ns = stamp_ns
-        if self._is_at_border():
+        if self._is_leaving():
             self._quiet_s += elapsed_s
-        if max(self._quiet_s, self._failing_s) > FAILING_S:
+        if self._quiet_s > LEAVING_S or self._has_failed():
             self._fail(stamp_ns)
 
     def _doubt(self, stamp_ns: int, elapsed_s: float) -> None:
@@ -199,15 +203,24 @@ class ContourTarget:
             self._before = self._contours.stamp_ns, self._contours.pose.copy(), self._contours.velocity.copy()
         self._failing_s += elapsed_s
 
+    def _has_failed(self) -> bool:
+        return self._failing_s > (LEAVING_S if self._is_leaving() else FAILING_S)
+
     def _is_off(self) -> bool:
         """Whether the middle of the target lies beyond the sensor."""
         x, y = self._contours.pose[:2]
         return not (0 <= x < self._surface.width and 0 <= y < self._surface.height)
 
-    def _is_at_border(self) -> bool:
-        box = self._contours.box
-        beyond_right = box.x + box.w >= self._surface.width - 1
-        return box.x <= 1 or box.y <= 1 or beyond_right or box.y + box.h >= self._surface.height - 1
+    def _is_leaving(self) -> bool:
+        """Whether the target is at a border of the sensor and was moving over it."""
+        box, (right, down) = self._contours.box, self._leaving_velocity
+        edges = (
+            (box.x <= 1, -right),
+            (box.x + box.w >= self._surface.width - 1, right),
+            (box.y <= 1, -down),
+            (box.y + box.h >= self._surface.height - 1, down),
+        )
+        return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
     def _fail(self, stamp_ns: int) -> None:
         """Go on from before the looks that failed, as they may have followed something else."""
