@@ -46,7 +46,7 @@ PROPOSALS_MAX = 40
 PROPOSAL_STRENGTHS = (0.2, 0.8)
 """Of the faintest and of the best."""
 DASH = 5
-FLASH_STRENGTH, FLASH_THICKNESS = 0.45, 4
+FLASH_STRENGTH, FLASH_REACH, FLASH_THICKNESS = 0.25, 16, 3
 NO_TRUTH: Mapping[str, Box] = MappingProxyType({})
 
 
@@ -212,10 +212,11 @@ def _draw_targets(
     for report in reports:
         colour = STATE_COLOURS[report.state]
         if history is not None:
-            _draw_trail(panel, history.trail(report.name), scale, colour)
+            _draw_trail(panel, history.trail(report.name), report.box, scale, colour)
         if report.box is not None:
-            flash = 0.0 if history is None else history.flash(report.name)
-            _draw_box(panel, report.box, scale, colour, flash)
+            if history is not None and (flash := history.flash(report.name)) > 0:
+                _draw_flash(panel, report.box, scale, colour, flash)
+            _draw_box(panel, report.box, scale, colour)
             _draw_name(panel, report.box, scale, report.name, colour)
         elif report.search is not None and report.state is TargetState.RECOVERING:
             _draw_region(panel, report.search.region, scale, colour)
@@ -253,22 +254,31 @@ def _draw_region(panel: Picture, region: Box, scale: float, colour: Colour) -> N
     _blend(panel, strength, colour)
 
 
-def _draw_trail(panel: Picture, trail: npt.NDArray[np.float64], scale: float, colour: Colour) -> None:
+def _draw_trail(panel: Picture, trail: npt.NDArray[np.float64], box: Box | None, scale: float, colour: Colour) -> None:
+    """Behind the box, so that it does not hide the target."""
     strength = np.zeros(panel.shape[:2], np.uint8)
     limit = 2 * max(panel.shape)
     points = np.clip(trail[:, :2] * scale, -limit, limit).astype(np.int32).tolist()
     for start, end, freshness in zip(points[:-1], points[1:], trail[1:, 2], strict=True):
         cv2.line(strength, start, end, round(255 * float(freshness)), 2)
+    if box is not None:
+        cv2.rectangle(strength, *_corners(panel, box, scale), 0, cv2.FILLED)
     _blend(panel, strength, colour)
 
 
-def _draw_box(panel: Picture, box: Box, scale: float, colour: Colour, flash: float) -> None:
-    corners = _corners(panel, box, scale)
-    if flash > 0:
-        strength = np.zeros(panel.shape[:2], np.uint8)
-        cv2.rectangle(strength, *corners, round(255 * FLASH_STRENGTH * flash), cv2.FILLED)
-        _blend(panel, strength, colour)
-    cv2.rectangle(panel, *corners, colour, 2 + round(FLASH_THICKNESS * flash))
+def _draw_box(panel: Picture, box: Box, scale: float, colour: Colour) -> None:
+    cv2.rectangle(panel, *_corners(panel, box, scale), colour, 2)
+
+
+def _draw_flash(panel: Picture, box: Box, scale: float, colour: Colour, flash: float) -> None:
+    """The box lights up, and a ring runs away from it."""
+    (left, top), (right, bottom) = _corners(panel, box, scale)
+    reach = round(FLASH_REACH * (1 - flash))
+    strength = np.zeros(panel.shape[:2], np.uint8)
+    cv2.rectangle(strength, (left, top), (right, bottom), round(255 * FLASH_STRENGTH * flash), cv2.FILLED)
+    ring = (left - reach, top - reach), (right + reach, bottom + reach)
+    cv2.rectangle(strength, *ring, round(255 * flash), FLASH_THICKNESS)
+    _blend(panel, strength, colour)
 
 
 def _draw_name(panel: Picture, box: Box, scale: float, name: str, colour: Colour) -> None:

@@ -208,7 +208,9 @@ def _plot_overlap(axes: Any, name: str, overlap: TargetOverlap, origin_ns: int) 
         axes.plot(part_s, part, color=OVERLAP_COLOUR, lw=1.4, marker="o", ms=2 if len(part) < LABELS_MARKED else 0)
         axes.fill_between(part_s, part, color=OVERLAP_COLOUR, alpha=0.12, lw=0)
     axes.axhline(SUCCESS_IOU, color="0.5", lw=0.8, ls=":")
-    axes.set_ylim(0, 1)
+    axes.set(ylim=(-0.03, 1.03), yticks=(0, 0.5, 1))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.01)
     axes.set_title(f"{name}   AP {overlap.score.ap:.3f}   AR {overlap.score.ar:.3f}", fontsize=10, loc="left")
 
 

@@ -18,6 +18,8 @@ from etd_ros.overlay_history import History
 from etd_ros.tracking import TargetReport
 
 FPS = 30
+WIDTH = 1400
+"""About the width of the pictures (pixels)."""
 NS_PER_S = 1_000_000_000
 SLOW_MIN, SLOW_MAX = 0.1, 1000.0
 GAP_MAX_NS = 5 * NS_PER_S
@@ -125,7 +127,14 @@ class TrackingVideo:
             shown.reports,
             image=shown.image,
             stamp_ns=shown.stamp_ns,
+            scale=_scale(shown.frame_data.shape[1] * (1 if shown.image is None else 2)),
             proposals=self._proposals,
             truth={name: box for name, box in boxes if box is not None},
             history=self._history,
         )
+
+
+def _scale(width: int) -> float:
+    """Whole, or one over a whole number: pixels stay square, and all of one size."""
+    scale = WIDTH / width
+    return float(round(scale)) if scale >= 1 else 1 / round(1 / scale)
