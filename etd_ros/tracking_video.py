@@ -46,9 +46,7 @@ def tracking_video(
         OverlayError: a factor out of [0.1, 1000], or the video cannot be written.
     """
     if not SLOW_MIN <= slow <= SLOW_MAX:
-        msg = (
-            f"a video slowed by {slow:g} is out of range [{SLOW_MIN:g}, {SLOW_MAX:g}]: 1 is real time, 10 a tenth of it"
-        )
+        msg = f"a video {slow:g} times as slow: give {SLOW_MIN:g} to {SLOW_MAX:g}; 1 is real time, 10 a tenth of it"
         raise OverlayError(msg)
     with VideoWriter(path, FPS) as writer:
         video = TrackingVideo(writer, NS_PER_S / (FPS * slow), proposals=proposals, truth=truth or {})
