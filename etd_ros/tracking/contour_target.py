@@ -155,14 +155,14 @@ class ContourTarget:
         self._leaving_velocity = contours.velocity.copy()
         self._usual_speed_px_s += (1 - np.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
         self._confidence = self._confidence_of(look)
+        if self._failing_s == 0:
+            # A new direction of motion shows edges that the model cannot know.
+            self._confidence /= max(contours.known, KNOWN_MIN)
         if self._confidence < CONFIDENCE_OK:
             turned = contours.look(self._surface, any_motion=True)
             if self._confidence_of(turned) > self._confidence:
                 look, self._confidence = turned, self._confidence_of(turned)
                 contours.turn(look.direction)
-        if self._failing_s == 0:
-            # A new direction of motion shows edges that the model cannot know.
-            self._confidence /= max(contours.known, KNOWN_MIN)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
             self._doubt(stamp_ns, elapsed_s * doubt)
