@@ -122,7 +122,7 @@ def _agreement(sums: tuple[float, float, float, float], norms: Float64Array, mot
         x, y = motion_x / length, motion_y / length
         norm = np.sqrt(max(x * x * norms[0] + 2 * x * y * norms[1] + y * y * norms[2], 1e-12))
         agreement += (sums[0] * x + sums[1] * y) / norm
-    return agreement
+    return float(agreement)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -144,13 +144,9 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
            any_motion: bool, step_px: float, scores: Float64Array) -> tuple[float, float]:  # fmt: skip
     """The best place on a square grid round a pose, between its points by parabolas.
 
-    Args:
-        bias: motion (pixels) that is added to the one from `before` to a place, for the polarity it predicts.
-        before: x, y of the target at its last look.
-        scores: float64, shape (2r + 1, 2r + 1), filled with the score of each place.
-
-    Returns:
-        x, y of the best place (pixels).
+    `bias` is motion (pixels) that is added to the one from `before`, x, y of the target at its last look, to a place,
+    for the polarity it predicts. `scores`, float64 of shape (2r + 1, 2r + 1), is filled with the score of each place.
+    Returns x, y of the best place (pixels).
     """
     side = scores.shape[0]
     radius = side // 2
@@ -282,11 +278,8 @@ def learn(maps: Float32Array, drawn: Float32Array, room: Float32Array, direction
     """Move the model towards what was drawn, with the direction of motion (a unit vector) at that time.
 
     Events of a moving gradient g have the rate and sign of -g . v (Gallego et al. 2020, equation 3): only the part of
-    the gradient along the motion is corrected, the other part stays what it was.
-
-    Args:
-        rate: 0 to 1; 1 forgets what was known.
-        looks: of how many looks the drawing is the sum.
+    the gradient along the motion is corrected, the other part stays what it was. A rate of 1 forgets what was known;
+    `looks` tells of how many looks the drawing is the sum.
     """
     _, rows, columns = drawn.shape
     total = 0.0

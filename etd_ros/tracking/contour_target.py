@@ -75,6 +75,14 @@ class ContourTarget:
         self._contour_config = contours
         self._surface = surface
         self._recovery_factory = recovery_factory
+        self._state: TargetState
+        self._contours: Contours
+        self._start_up: StartUp | None
+        self._recovery: RecoveryTracker | None
+        self._usual: Float64Array | None
+        self._confidence: float
+        self._answer: Future[Found | None] | None
+        self._candidate: Look | None
         self._wait_for_start()
 
     @property
@@ -92,7 +100,7 @@ class ContourTarget:
         """Where it is looked for on the next frame (pixels)."""
         return self.last_box.scaled(SEARCH_MARGIN)
 
-    def update(self, stamp_ns: int, frame_data: FrameData, image: FrameData | None) -> TargetReport:
+    def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is
         one; the arguments are those of `Target.update`."""
         if self._state is TargetState.IDLE:
@@ -127,19 +135,19 @@ class ContourTarget:
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
         self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
-        self._start_up: StartUp | None = StartUp(self._contours)
-        self._recovery: RecoveryTracker | None = self._recovery_factory() if self._recovery_factory else None
-        self._usual: Float64Array | None = None
+        self._start_up = StartUp(self._contours)
+        self._recovery = self._recovery_factory() if self._recovery_factory else None
+        self._usual = None
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
         self._failed_at_ns = self._searched_at_ns = 0
         self._remembered_at_ns = -REMEMBER_NS
-        self._answer: Future[Found | None] | None = None
+        self._answer = None
         self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
         self._is_at_failure = False
-        self._candidate: Look | None = None
+        self._candidate = None
         self._candidates = 0
 
     def _follow(self, stamp_ns: int) -> None:
@@ -307,6 +315,6 @@ class ContourTarget:
 
 
 def _evidence(look: Look) -> Float64Array:
-    """What a look is measured by: its score and its events, as if all of its window were motion. A slow target has fewer
-    events, whose score grows with the root of their number."""
+    """What a look is measured by: its score and its events, as if all of its window were motion. A slow target has
+    fewer events, whose score grows with the root of their number."""
     return np.maximum([look.score / np.sqrt(look.motion), look.events / look.motion], 1e-6)

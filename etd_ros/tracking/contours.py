@@ -195,7 +195,8 @@ class Contours:
 
         Args:
             surface: the events.
-            x, y: the place in the middle.
+            x: the column in the middle (pixels).
+            y: the row in the middle (pixels).
             scores: float64, shape (2r + 1, 2r + 1), room for the places' scores.
             step_px: distance of the places (pixels).
             any_motion: as for `look`.
@@ -277,7 +278,7 @@ class Contours:
         self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool
     ) -> tuple[float, float, float, float, float]:
         motion = pose[:2] - self.pose[:2] + BIAS_PX * self.direction
-        return score_at(  # type: ignore[no-any-return]
+        return score_at(
             points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, motion, self.config.ridge_weight,
             any_motion,
         )  # fmt: skip
@@ -305,4 +306,4 @@ def _oval(rows: int, columns: int, width: float, height: float) -> Float32Array:
         (x - (columns - 1) / 2) / (0.575 * width),
         (y - (rows - 1) / 2) / (0.575 * height),
     )
-    return np.clip((1.25 - radius) / 0.3, 0, 1).astype(np.float32)
+    return np.asarray(np.clip((1.25 - radius) / 0.3, 0, 1), np.float32)
