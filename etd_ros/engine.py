@@ -30,8 +30,8 @@ from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.recovery import make_recovery
 from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
-from etd_ros.targets import TargetStart, unique_targets
-from etd_ros.tracking import MultiTracker, TargetReport, method_named
+from etd_ros.targets import TargetStart, check_start, unique_targets
+from etd_ros.tracking import DEFAULT_METHOD, Click, MultiTracker, Starter, TargetReport, method_named
 
 T = TypeVar("T")
 
@@ -65,11 +65,13 @@ class Step:
         frame: the frame.
         image: the intensity image at its stamp, uint8 (height, width), where the method recovers.
         reports: the targets' states, in the order of their start.
+        notices: what there is to say of clicks that start nothing.
     """
 
     frame: Frame
     image: npt.NDArray[np.uint8] | None
     reports: tuple[TargetReport, ...]
+    notices: tuple[str, ...] = ()
 
 
 class SearchRegions:
@@ -210,8 +212,26 @@ def _make_converter(conversion: str, width: int, height: int, settings: Settings
     raise EngineError(msg)
 
 
-def make_tracker(method: str, width: int, height: int, settings: Settings, *, searches: bool = False) -> MultiTracker:
-    """The tracking stage of a method; `searches`: whether its reports say how the targets were looked for.
+def make_tracker(
+    method: str,
+    width: int,
+    height: int,
+    settings: Settings,
+    *,
+    searches: bool = False,
+    clicks: bool = False,
+    auto: bool = False,
+) -> MultiTracker:
+    """The tracking stage of a method.
+
+    Args:
+        method: one of METHODS.
+        width: sensor width (pixels).
+        height: sensor height (pixels).
+        settings: of all stages.
+        searches: whether its reports say how the targets were looked for.
+        clicks: whether targets may be started by clicks.
+        auto: whether moving objects become targets by themselves; clicks are taken, too.
 
     Raises:
         TrackingError: an unknown method.
@@ -221,14 +241,19 @@ def make_tracker(method: str, width: int, height: int, settings: Settings, *, se
     recovery = make_recovery(settings.recovery) if chosen.recovers else None
     contours = settings.contours if chosen.contours else None
     detector = EdgeBoxes(settings.detection)
-    return MultiTracker(width, height, settings.tracking, detector, recovery, contours, searches=searches)
+    starter = Starter(width, height, settings.discovery, auto=auto) if clicks or auto else None
+    return MultiTracker(
+        width, height, settings.tracking, detector, recovery, contours, searches=searches, starter=starter
+    )
 
 
 def track(
     streams: Iterable[StreamBatch],
     targets: Iterable[TargetStart],
     *,
-    method: str = "etd",
+    clicks: Iterable[Click] = (),
+    auto: bool = False,
+    method: str = DEFAULT_METHOD,
     settings: Settings | None = None,
     threads: bool = True,
     searches: bool = False,
@@ -238,6 +263,8 @@ def track(
     Args:
         streams: iterated some frames ahead, in another thread.
         targets: what to track.
+        clicks: points at which something moves that is to be tracked.
+        auto: whether moving objects become targets by themselves.
         method: one of `METHODS`.
         settings: of all stages.
         threads: whether all before the tracking (reading `streams`, conversion, reconstruction) has a thread beside the
@@ -249,7 +276,7 @@ def track(
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
-    targets = unique_targets(targets)
+    starts = unique_targets([*targets, *clicks])
     frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
     regions = SearchRegions()
     with _ahead(streams, threads and frames_wait) as batches:
@@ -257,8 +284,9 @@ def track(
         if method_named(method).recovers:
             parts = _images(parts, settings)
         with _ahead(parts, threads and not frames_wait) as made:
-            make = partial(make_tracker, method, settings=settings, searches=searches)
-            yield from _steps(made, targets, make, regions)
+            has_clicks = any(isinstance(start, Click) for start in starts)
+            make = partial(make_tracker, method, settings=settings, searches=searches, clicks=has_clicks, auto=auto)
+            yield from _steps(made, starts, make, regions)
 
 
 @contextmanager
@@ -287,7 +315,7 @@ def _images(parts: Iterable[Part], settings: Settings) -> Iterator[Part]:
 
 def _steps(
     parts: Iterable[Part],
-    targets: list[TargetStart],
+    starts: list[TargetStart | Click],
     make: Callable[[int, int], MultiTracker],
     regions: SearchRegions,
 ) -> Iterator[Step]:
@@ -296,14 +324,21 @@ def _steps(
         if part.batch is not None:
             events = part.batch.events
             if size is None:
-                for target in targets:
-                    target.check_start(int(events.t[0]))
+                for start in starts:
+                    check_start(start, int(events.t[0]))
             if (events.width, events.height) != size:
                 size = (events.width, events.height)
                 tracker = make(*size)
-                for target in targets:
-                    tracker.start(target.name, target.box, target.stamp_ns)
+                for start in starts:
+                    _begin(tracker, start)
         if part.frame is not None:
             reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
             regions.boxes = tracker.search_regions()
-            yield Step(part.frame, part.image, reports)
+            yield Step(part.frame, part.image, reports, tuple(tracker.take_notices()))
+
+
+def _begin(tracker: MultiTracker, start: TargetStart | Click) -> None:
+    if isinstance(start, Click):
+        tracker.click(start)
+    else:
+        tracker.start(start.name, start.box, start.stamp_ns)

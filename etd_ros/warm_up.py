@@ -8,11 +8,13 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.conversion import FixedCountConfig, NoiseFilterConfig
-from etd_ros.engine import CONVERSIONS, FrameSource, make_tracker
+from etd_ros.engine import CONVERSIONS, FrameSource
 from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
+from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking.start_up import LOOKS as START_LOOKS
 from msg_adapters import ENCODINGS, Layout, decoder_for
 from msg_adapters.header import Header, write_header
 from msg_adapters.layout import Writer
@@ -67,15 +69,19 @@ def _reconstruct() -> None:
 
 
 def _track() -> None:
-    tracker = make_tracker("etd", SENSOR_SIDE, SENSOR_SIDE, Settings())
-    tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
-    events = _moving_square()
-    image = np.zeros((SENSOR_SIDE, SENSOR_SIDE), np.uint8)
-    for step in range(3):
-        now = events.between(step * STEP_NS, (step + 1) * STEP_NS)
-        frame = np.zeros((SENSOR_SIDE, SENSOR_SIDE, 2), np.uint8)
-        frame[now.y, now.x, now.p] = 255
-        tracker.update(step, frame, image)
+    for tracker, frames in (
+        (MultiTracker(SENSOR_SIDE, SENSOR_SIDE), 3),
+        (MultiTracker(SENSOR_SIDE, SENSOR_SIDE, contours=ContourConfig()), 2 * START_LOOKS),
+    ):
+        tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
+        events = _moving_square()
+        for step in range(frames):
+            now = events.between(step * STEP_NS, (step + 1) * STEP_NS)
+            frame = np.zeros((SENSOR_SIDE, SENSOR_SIDE, 2), np.uint8)
+            frame[now.y, now.x, now.p] = 255
+            # A node that gets its frames as messages may not write to them, which is another type to a kernel.
+            frame.flags.writeable = step % 2 == 0
+            tracker.update((step + 1) * STEP_NS, frame)
 
 
 def _packet(encoding: str) -> bytes:
@@ -128,6 +134,6 @@ _RUNS: tuple[tuple[frozenset[str], Callable[[], None]], ...] = (
     (frozenset({"stream"}), _decode),
     (frozenset({"noise_filter", "atsltd", "fixed_window", "fixed_count"}), _convert),
     (frozenset({"reconstruction"}), _reconstruct),
-    (frozenset({"detection", "tracking", "recovery"}), _track),
+    (frozenset({"detection", "tracking", "contours", "recovery"}), _track),
 )
 """Stages, by the names of their settings, and what runs their kernels."""

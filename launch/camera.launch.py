@@ -15,7 +15,7 @@ ARGUMENTS = {
     "camera": ("event_camera", "name of the camera driver's node: its events are on /<camera>/events"),
     "namespace": ("", "namespace of the three nodes, for several cameras"),
     "params_file": (PathJoinSubstitution([FindPackageShare("etd_ros"), "config", "etd_ros.yaml"]), "parameter file"),
-    "method": ("etd", "tracking method"),
+    "method": ("etd-plus", "tracking method"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H, separated by ';'"),
     "use_sim_time": ("false", "follow /clock"),
@@ -32,7 +32,7 @@ def generate_launch_description() -> LaunchDescription:
         for name in ("method", "targets_file", "targets")
     }
     conversion = PythonExpression(
-        ["'fixed_window' if '", LaunchConfiguration("method"), "' == 'etd-ftw' else 'atsltd'"]
+        ["{'etd-plus': 'atsltd_fine', 'etd-ftw': 'fixed_window'}.get('", LaunchConfiguration("method"), "', 'atsltd')"]
     )
     converting = {"conversion": ParameterValue(conversion, value_type=str)}
     namespace = LaunchConfiguration("namespace")

@@ -15,7 +15,7 @@ ARGUMENTS = {
     "camera": ("event_camera", "name of the camera driver's node: its events are on /<camera>/events"),
     "namespace": ("", "namespace of the node, for several cameras"),
     "params_file": (PathJoinSubstitution([FindPackageShare("etd_ros"), "config", "etd_ros.yaml"]), "parameter file"),
-    "method": ("etd", "tracking method"),
+    "method": ("etd-plus", "tracking method"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H, separated by ';'"),
     "use_sim_time": ("false", "follow /clock"),

@@ -15,7 +15,7 @@ ARGUMENTS = {
     "camera": ("event_camera", "namespace of the recorded event topic"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H@STAMP_NS, separated by ';'"),
-    "method": ("etd", "tracking method"),
+    "method": ("etd-plus", "tracking method"),
 }
 
 

@@ -95,7 +95,7 @@ def focused(method: str, cuts: Sequence[int] = (), *, threads: bool = True) -> l
     return list(track(streams, [TargetStart("square", BOX)], method=method, settings=FOCUSED, threads=threads))
 
 
-@pytest.mark.parametrize("method", ["etd", "etd-nr"])
+@pytest.mark.parametrize("method", ["etd-plus", "etd", "etd-nr"])
 def test_entropy_in_the_search_region_is_that_of_its_cells(method):
     steps = focused(method)
     box: Box | None = None
@@ -278,7 +278,7 @@ def test_no_events_give_no_steps():
 def test_an_unknown_method_or_conversion_is_refused():
     with pytest.raises(TrackingError, match="etd-nr"):
         tracked([], method="guess")
-    with pytest.raises(EngineError, match="atsltd, fixed_window, fixed_count"):
+    with pytest.raises(EngineError, match="atsltd, atsltd_fine, fixed_window, fixed_count"):
         FrameSource("guess", WIDTH, HEIGHT, Settings())
 
 

@@ -21,7 +21,7 @@ def test_a_second_one_finds_nothing_to_compile_or_load(monkeypatch):
     [
         (("stream", "noise_filter", "atsltd"), {"_decode", "_convert"}),
         (("stream", "reconstruction"), {"_decode", "_reconstruct"}),
-        (("detection", "tracking", "recovery"), {"_track"}),
+        (("detection", "tracking", "contours", "recovery"), {"_track"}),
         (tuple(STAGES), {"_decode", "_convert", "_reconstruct", "_track"}),
         ((), set()),
     ],

@@ -13,7 +13,7 @@ from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
 from etd_ros.output_files import check_outputs
 from etd_ros.simulation import SUITE, random_sequence, sequence_named
 from etd_ros.simulation import Sequence as Simulated
-from etd_ros.tracking import METHODS, method_named
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
 
 RANDOM_SIZES = ((240, 180), (346, 260))
 JOBS_MAX = 64
@@ -30,7 +30,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     what.add_argument("--list", action="store_true", help="print the methods' names, one a line")
     what.add_argument("--suite", action="store_true", help="the fixed suite (see simulate --list)")
     what.add_argument("--random", type=int, metavar="N", help="N random sequences of the same families")
-    parser.add_argument("--method", default="etd", help=f"one of {', '.join(METHODS)} (default: %(default)s)")
+    parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(METHODS)} (default: %(default)s)")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these sequences of the suite only")
     parser.add_argument("--seed", type=int, default=0, help="of the first random sequence (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")

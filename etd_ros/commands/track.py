@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from pathlib import Path
@@ -16,12 +17,13 @@ from etd_ros.engine import track as track_streams
 from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
 from etd_ros.output_files import check_outputs, write_beside
+from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import check_matplotlib, overlap_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
-from etd_ros.targets import TargetError, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import METHODS, method_named
+from etd_ros.targets import TargetError, parse_click, parse_target, targets_from_file, unique_targets
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
 from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
 Truth = Mapping[str, Sequence[TimedBox]]
@@ -35,8 +37,12 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     parser.add_argument(
         "--target", action="append", default=[], metavar="NAME:X,Y,W,H[@STAMP_NS]", help="a target (may be repeated)"
     )
+    parser.add_argument(
+        "--click", action="append", default=[], metavar="NAME:X,Y[@STAMP_NS]", help="what moves there (may be repeated)"
+    )
+    parser.add_argument("--auto", action="store_true", help="moving objects become targets auto_1, auto_2, ...")
     parser.add_argument("--output", type=Path, required=True, metavar="TRACKS.csv", help="where the boxes go")
-    parser.add_argument("--method", default="etd", help=f"one of {', '.join(METHODS)} (default: %(default)s)")
+    parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(METHODS)} (default: %(default)s)")
     parser.add_argument(
         "--video",
         type=Path,
@@ -67,13 +73,20 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options.output, options.video, options.plot)
     if options.plot is not None:
         check_matplotlib()
+    if options.video is None and (options.proposals or options.slow != 1):
+        msg = "--proposals and --slow say how the video looks, but there is none: give --video V.mp4 too"
+        raise OverlayError(msg)
     truth = read_boxes(options.truth) if options.truth else None
     settings = read_settings(options.config, options.set)
     targets = unique_targets(
         [*(targets_from_file(options.targets) if options.targets else []), *map(parse_target, options.target)]
     )
-    if not targets:
-        msg = "nothing to track: give --targets BOXES.csv or --target NAME:X,Y,W,H@STAMP_NS"
+    clicks = [parse_click(text) for text in options.click]
+    if not targets and not clicks and not options.auto:
+        msg = (
+            "nothing to track: give --targets BOXES.csv, --target NAME:X,Y,W,H@STAMP_NS, --click NAME:X,Y@STAMP_NS "
+            "or --auto"
+        )
         raise TargetError(msg)
     plotted = _plotted_truth(options, {target.name for target in targets}) if options.plot else None
     with ExitStack() as stack:
@@ -84,11 +97,21 @@ def run(options: argparse.Namespace) -> int:
         # Its thread ends before the recording that it reads is closed.
         steps = stack.enter_context(
             closing(
-                track_streams(batches, targets, method=options.method, settings=settings, searches=video is not None)
+                track_streams(
+                    batches,
+                    targets,
+                    clicks=clicks,
+                    auto=options.auto,
+                    method=options.method,
+                    settings=settings,
+                    searches=video is not None,
+                )
             )
         )
         for step in steps:
             tracks.write_reports(step.frame.stamp_ns, step.reports)
+            for notice in step.notices:
+                print(notice, file=sys.stderr)
             if video is not None:
                 video.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image)
     if plotted is not None:

@@ -28,7 +28,7 @@ from etd_ros.simulation import Absence, AbsentTime, Scene, absent_times, true_bo
 from etd_ros.simulation import Sequence as Simulated
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import TargetState
+from etd_ros.tracking import DEFAULT_METHOD, TargetState
 
 START_NS = 1_700_000_000_000_000_000
 NS_PER_S = 1_000_000_000
@@ -84,7 +84,7 @@ COLUMNS = tuple(field.name for field in fields(TargetResult))
 
 
 def evaluate(
-    sequences: Iterable[Simulated], *, method: str = "etd", settings: Settings | None = None, jobs: int = 1
+    sequences: Iterable[Simulated], *, method: str = DEFAULT_METHOD, settings: Settings | None = None, jobs: int = 1
 ) -> Iterator[list[TargetResult]]:
     """Results of the targets of each sequence, in order, as they come.
 
@@ -104,7 +104,7 @@ def evaluate(
 
 
 def evaluate_sequence(
-    sequence: Simulated, *, method: str = "etd", settings: Settings | None = None
+    sequence: Simulated, *, method: str = DEFAULT_METHOD, settings: Settings | None = None
 ) -> list[TargetResult]:
     """Results of a sequence's targets, in the order of the scene; those that can hardly ever be seen are left out."""
     scene = sequence.scene()

@@ -24,7 +24,7 @@ STAGES = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
 class AccumulatorOptions(NodeOptions):
     """Parameters of the accumulator."""
 
-    conversion: str = parameter("atsltd", "how events become frames", choices=CONVERSIONS)
+    conversion: str = parameter("atsltd_fine", "how events become frames: atsltd_fine for etd-plus", choices=CONVERSIONS)
 
 
 class Accumulator(EtdNode):

@@ -20,7 +20,7 @@ from etd_ros.nodes.worker import Handler, Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
 from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import METHODS, MultiTracker, TargetReport, TargetState
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, MultiTracker, TargetReport, TargetState
 from msg_adapters import (
     Detection,
     DetectionsMessage,
@@ -44,7 +44,7 @@ LEVELS = {
 class TrackingOptions(NodeOptions):
     """Parameters of the nodes that track."""
 
-    method: str = parameter("etd", "tracking method", choices=tuple(METHODS))
+    method: str = parameter(DEFAULT_METHOD, "tracking method", choices=tuple(METHODS))
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
 

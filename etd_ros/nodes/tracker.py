@@ -19,7 +19,7 @@ from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import ImageMessage, Layout, MessageError, decode_image
 
-STAGES = ("detection", "tracking", "recovery")
+STAGES = ("detection", "tracking", "contours", "recovery")
 EARLY_IMAGES_MAX = 64
 FLUSH_PERIOD_S = 0.1
 FIRST_FRAME_MAX_NS = 1_000_000_000

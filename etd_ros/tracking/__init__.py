@@ -1,16 +1,24 @@
 """One target's state machine, many targets, and the methods by name (paper Sec. 3.3, tracking stage)."""
 
+from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contours import ContourConfig
+from etd_ros.tracking.discovery import Discovery, DiscoveryConfig
 from etd_ros.tracking.errors import TrackingError
-from etd_ros.tracking.methods import METHODS, Method, method_named
+from etd_ros.tracking.methods import DEFAULT_METHOD, METHODS, Method, method_named
 from etd_ros.tracking.multi_tracker import MultiTracker
+from etd_ros.tracking.starter import Starter
 from etd_ros.tracking.target import Search, Target, TargetReport, TargetState, TrackerConfig
 
 __all__ = [
+    "DEFAULT_METHOD",
     "METHODS",
+    "Click",
     "ContourConfig",
+    "Discovery",
+    "DiscoveryConfig",
     "Method",
     "MultiTracker",
+    "Starter",
     "Search",
     "Target",
     "TargetReport",

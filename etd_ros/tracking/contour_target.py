@@ -51,7 +51,7 @@ SEARCH_STEP_PX = 3.0
 SEARCH_RADIUS_PX, SEARCH_GROWTH_PX_S, SEARCH_RADIUS_MAX_PX = 9.0, 60.0, 36.0
 REMEMBER_NS = 50_000_000
 IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
-"""How often images are searched. An answer counts from the next time on, so that it does not matter how long it took."""
+"""How often images are searched. An answer counts from the next time on, however long it took."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
@@ -98,7 +98,7 @@ class ContourTarget:
     @property
     def search_region(self) -> Box:
         """Where it is looked for on the next frame (pixels)."""
-        return self.last_box.scaled(SEARCH_MARGIN)
+        return self._contours.box_at(*self._contours.predicted(self._surface.stamp_ns)).scaled(SEARCH_MARGIN)
 
     def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is
@@ -173,7 +173,7 @@ class ContourTarget:
                 contours.turn(look.direction)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
-            self._doubt(stamp_ns, elapsed_s * doubt)
+            self._doubt(elapsed_s * doubt)
         trust = 1.0 - doubt
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
@@ -195,7 +195,7 @@ class ContourTarget:
         """A target that was slowing down stands still now; one that was not has vanished behind something like it."""
         contours = self._contours
         if contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
-            self._doubt(stamp_ns, elapsed_s)
+            self._doubt(elapsed_s)
             contours.follow(self._surface, *contours.predicted(stamp_ns), 0.0)
         else:
             contours.velocity *= np.exp(-elapsed_s / STILL_S)
@@ -205,7 +205,7 @@ class ContourTarget:
         if self._quiet_s > LEAVING_S or self._has_failed():
             self._fail(stamp_ns)
 
-    def _doubt(self, stamp_ns: int, elapsed_s: float) -> None:
+    def _doubt(self, elapsed_s: float) -> None:
         """Count a look that failed, and note where things stood before the first."""
         if self._failing_s == 0:
             self._before = self._contours.stamp_ns, self._contours.pose.copy(), self._contours.velocity.copy()

@@ -38,6 +38,8 @@ METHODS: dict[str, Method] = {
 }
 """Every method by its name."""
 
+DEFAULT_METHOD = "etd-plus"
+
 
 def method_named(name: str) -> Method:
     """The method of this name.

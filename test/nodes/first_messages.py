@@ -5,6 +5,7 @@ Arguments: node (or `nothing`, for no warm-up), the folder of real recordings. P
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +27,7 @@ from etd_ros.recordings import open_recording
 from etd_ros.settings import STAGES as ALL
 from etd_ros.settings import Settings, settings_from_mapping
 from etd_ros.stream import StreamBatch
+from etd_ros.tracking import METHODS
 from etd_ros.warm_up import warm_up
 from msg_adapters import ENCODINGS
 
@@ -98,10 +100,10 @@ def reconstruct(batch: StreamBatch) -> None:
 def track() -> None:
     """A target on frames as the pipeline makes them, and as a tracker node gets them: nobody may write to those."""
     rng = np.random.default_rng(1)
-    for writeable in (True, False):
-        tracker = make_tracker("etd", 128, 128, Settings())
+    for method, writeable in itertools.product(METHODS, (True, False)):
+        tracker = make_tracker(method, 128, 128, Settings())
         tracker.start("target", Box(20, 20, 60, 60))
-        for stamp_ns in range(3):
+        for stamp_ns in range(0, 300_000_000, 10_000_000):
             frame = rng.integers(0, 255, (128, 128, 2), np.uint8)
             image = frame[..., 0].copy()
             frame.flags.writeable = image.flags.writeable = writeable

@@ -8,6 +8,7 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.cli import main
 from etd_ros.evaluation import read_tracks
+from etd_ros.tracking import method_named
 from msg_adapters import decode_detections, decode_diagnostics
 
 EVENTS = "/event_camera/events"
@@ -38,17 +39,17 @@ def assert_same_boxes(live: Boxes, offline: Boxes) -> None:
         assert box is None or live[key] == pytest.approx(box, abs=1e-6), key
 
 
-@pytest.mark.parametrize("method", ["etd", "etd-nr"])
+@pytest.mark.parametrize("method", ["etd-plus", "etd", "etd-nr"])
 def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench, repository, tmp_path, method):
     recording, truth = repository / "bags" / "demo", repository / "bags" / "demo" / "boxes.csv"
     expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method)
     remap = ("-r", f"~/events:={EVENTS}")
     bench.listen("/tracker/detections", Detection2DArray)
     bench.listen("/tracker/status", DiagnosticArray)
-    bench.start("accumulator", ros=remap)
+    bench.start("accumulator", ros=(*remap, "-p", f"conversion:={method_named(method).conversion}"))
     bench.start("reconstruction", ros=remap)
     bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", f"method:={method}", "-p", "image_wait_s:=30.0"))
-    linked = {"accumulator": "2", "reconstruction": "1" if method == "etd" else "0"}
+    linked = {"accumulator": "2", "reconstruction": "0" if method == "etd-nr" else "1"}
     bench.wait_until(
         lambda: (
             bench.figure("accumulator", "frame subscribers") == linked["accumulator"]
@@ -56,7 +57,7 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
         ),
         "the nodes are linked",
     )
-    replay = bench.start("replay", str(recording), "--rate", "0.5", "--wait-for", "2" if method == "etd" else "1")
+    replay = bench.start("replay", str(recording), "--rate", "0.5", "--wait-for", "1" if method == "etd-nr" else "2")
     stamps = {stamp for _, stamp in expected}
     bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
     bench.wait_until(lambda: len(bench.messages["/tracker/status"]) >= len(stamps), "every frame is tracked")
