@@ -37,7 +37,7 @@ STATE_SHADES = {"recovering": "#ffd54f", "lost": "#ef5350"}
 OVERLAP_COLOUR = "#1565c0"
 PANELS_MAX, PANELS_PER_COLUMN = 64, 8
 PANEL_INCHES = 7.0, 1.55
-LABELS_MARKED = 150
+LABELS_MARKED = 60
 """So many labels, or more, make a curve without dots."""
 
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -17,10 +18,14 @@ from etd_ros.overlay import OverlayError, Picture, VideoWriter, draw_overlay
 from etd_ros.overlay_history import History
 from etd_ros.tracking import TargetReport
 
+FrameData = npt.NDArray[np.uint8]
+
 FPS = 30
 WIDTH = 1400
 """About the width of the pictures (pixels)."""
 NS_PER_S = 1_000_000_000
+FADE_NS, FADED = 5_000_000, 0.05
+"""Earlier frames fade with this time constant, and below this share are gone."""
 SLOW_MIN, SLOW_MAX = 0.1, 1000.0
 GAP_MAX_NS = 5 * NS_PER_S
 """Longer gaps between frames are left out."""
@@ -59,13 +64,14 @@ class _Shown:
     """A frame, and what its picture needs."""
 
     stamp_ns: int
-    frame_data: npt.NDArray[np.uint8]
+    frame_data: FrameData
     reports: tuple[TargetReport, ...]
     image: npt.NDArray[np.uint8] | None
 
 
 class TrackingVideo:
-    """Takes every frame, and draws those that are the newest when a picture is due; made by `tracking_video`."""
+    """Takes every frame, and draws those that are the newest when a picture is due, over the fading ones before them;
+    made by `tracking_video`."""
 
     def __init__(
         self, writer: VideoWriter, interval_ns: float, *, proposals: bool, truth: Mapping[str, Sequence[TimedBox]]
@@ -83,7 +89,7 @@ class TrackingVideo:
     def add(
         self,
         stamp_ns: int,
-        frame_data: npt.NDArray[np.uint8],
+        frame_data: FrameData,
         reports: tuple[TargetReport, ...],
         image: npt.NDArray[np.uint8] | None = None,
     ) -> None:
@@ -98,7 +104,8 @@ class TrackingVideo:
         while self._due_ns < stamp_ns:
             self._write()
         self._history.take(stamp_ns, reports)
-        self._newest, self._picture = _Shown(stamp_ns, frame_data, reports, image), None
+        self._newest = _Shown(stamp_ns, self._over_earlier(stamp_ns, frame_data), reports, image)
+        self._picture = None
 
     def finish(self) -> None:
         """Show the newest frame, if a picture is due by its time."""
@@ -109,6 +116,16 @@ class TrackingVideo:
     def _due_ns(self) -> int:
         """When the next picture is due, on the recording's clock (ns)."""
         return self._start_ns + math.ceil(self._written * self._interval_ns)
+
+    def _over_earlier(self, stamp_ns: int, frame_data: FrameData) -> FrameData:
+        """A frame over those of the milliseconds before it: a fine frame alone has too few events to show a shape."""
+        if self._newest is None or self._newest.frame_data.shape != frame_data.shape:
+            return frame_data
+        share = math.exp(-abs(stamp_ns - self._newest.stamp_ns) / FADE_NS)
+        if share < FADED:
+            return frame_data
+        faded = np.round(np.arange(256) * share).astype(np.uint8)
+        return np.maximum(frame_data, cv2.LUT(self._newest.frame_data, faded))
 
     def _write(self) -> None:
         if self._picture is None:

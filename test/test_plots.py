@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -82,13 +84,7 @@ def test_times_of_recovery_and_loss_are_shaded():
 def test_scores_and_names_are_written():
     one, other = (pixels({"a": overlap()}, title) for title in ("one.csv", "other.csv"))
     assert (one[:60] != other[:60]).any()
-    better = pixels(
-        {
-            "a": TargetOverlap(
-                *[getattr(overlap(), name) for name in ("stamps_ns", "values", "spells")], Score(0.9, 1, 9)
-            )
-        }
-    )
+    better = pixels({"a": dataclasses.replace(overlap(), score=Score(0.9, 1.0, 9))}, "one.csv")
     assert (one != better).any()
 
 

@@ -58,6 +58,21 @@ def test_each_picture_is_of_the_newest_frame(tmp_path):
     assert shown == pytest.approx([40, 80, 160, 200], abs=6)
 
 
+def test_a_fine_frame_lies_over_those_just_before_it_that_fade(tmp_path):
+    path = tmp_path / "out.mp4"
+    with tracking_video(path) as video:
+        for index, stamp_ms in enumerate((0, 4, 8, 33.4)):
+            data = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+            data[20 * index + 10 : 20 * index + 20, 40:60, 0] = 255
+            video.add(round(stamp_ms * MS), data, ())
+    capture = cv2.VideoCapture(str(path))
+    picture = capture.read()[1], capture.read()[1]
+    at_0, at_8 = ([float(shown[120 * i + 70 : 120 * i + 110, 250:350].mean()) for i in range(4)] for shown in picture)
+    assert at_0[0] > 150 > 40 > max(at_0[1:])
+    assert at_8[2] > at_8[1] + 30 > at_8[0] + 60
+    assert at_8[3] < 40
+
+
 def test_long_gaps_and_steps_back_in_time_are_left_out(tmp_path):
     for name, stamps_ms in (("gap.mp4", [0, 100, 3_600_000, 3_600_100]), ("back.mp4", [5000, 5100, 0, 100])):
         shown = levels_of(filmed(tmp_path / name, stamps_ms, levels=[40, 80, 120, 160]))
