@@ -276,7 +276,8 @@ def track(
         BoxError, TrackingError, TargetError: a target that cannot be started.
     """
     settings = settings or Settings()
-    starts = unique_targets([*targets, *clicks])
+    everything: list[TargetStart | Click] = [*targets, *clicks]
+    starts = unique_targets(everything)
     frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
     regions = SearchRegions()
     with _ahead(streams, threads and frames_wait) as batches:

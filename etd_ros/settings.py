@@ -16,7 +16,7 @@ from etd_ros.parameters import Description, ParameterError, Parameters, describe
 from etd_ros.reconstruction import HighPassConfig
 from etd_ros.recovery import RecoveryConfig
 from etd_ros.stream import StreamConfig
-from etd_ros.tracking import ContourConfig, TrackerConfig
+from etd_ros.tracking import ContourConfig, DiscoveryConfig, TrackerConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,7 @@ class Settings:
     detection: EdgeBoxesConfig = field(default_factory=EdgeBoxesConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     contours: ContourConfig = field(default_factory=ContourConfig)
+    discovery: DiscoveryConfig = field(default_factory=DiscoveryConfig)
     reconstruction: HighPassConfig = field(default_factory=HighPassConfig)
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 

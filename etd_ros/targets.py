@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
 from etd_ros.evaluation import read_boxes
+from etd_ros.tracking import Click
 
 EARLIEST_START_NS = 100_000_000
 """How far before the first event a target may start: a quiet scene's first event comes after the recording's start."""
@@ -38,12 +40,33 @@ class TargetStart:
         Raises:
             TargetError: the stamp is on another clock, or too early.
         """
-        if 0 < self.stamp_ns < first_event_ns - EARLIEST_START_NS:
-            msg = (
-                f"target {self.name!r} starts at {self.stamp_ns} ns, before the first event at {first_event_ns} ns: "
-                "give a stamp on the events' clock"
-            )
-            raise TargetError(msg)
+        check_start(self, first_event_ns)
+
+
+class _Start(Protocol):
+    """What starts a target: a box or a click."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def stamp_ns(self) -> int: ...
+
+
+StartT = TypeVar("StartT", bound=_Start)
+
+
+def check_start(start: _Start, first_event_ns: int) -> None:
+    """Refuse a start that lies clearly before the first event.
+
+    Raises:
+        TargetError: the stamp is on another clock, or too early.
+    """
+    if 0 < start.stamp_ns < first_event_ns - EARLIEST_START_NS:
+        msg = (
+            f"target {start.name!r} starts at {start.stamp_ns} ns, before the first event at {first_event_ns} ns: "
+            "give a stamp on the events' clock"
+        )
+        raise TargetError(msg)
 
 
 def targets_from_file(path: Path) -> list[TargetStart]:
@@ -61,27 +84,46 @@ def parse_target(text: str) -> TargetStart:
     Raises:
         TargetError: the text has another form.
     """
-    name, colon, rest = text.rpartition(":")
-    box_text, _, stamp_text = rest.partition("@")
-    try:
-        x, y, w, h = (float(number) for number in box_text.split(","))
-        stamp_ns = int(stamp_text or 0)
-    except ValueError as err:
-        msg = f"target {text!r} is not NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS (pixels, nanoseconds)"
-        raise TargetError(msg) from err
-    if not colon or not name or stamp_ns < 0:
-        msg = f"target {text!r} needs a name and a stamp of 0 or more: NAME:X,Y,W,H@STAMP_NS"
-        raise TargetError(msg)
+    name, (x, y, w, h), stamp_ns = _parse("target", text, "X,Y,W,H")
     return TargetStart(name, Box(x, y, w, h), stamp_ns)
 
 
-def unique_targets(targets: Iterable[TargetStart]) -> list[TargetStart]:
-    """The targets, in order.
+def parse_click(text: str) -> Click:
+    """A click from `NAME:X,Y` or `NAME:X,Y@STAMP_NS`.
+
+    Raises:
+        TargetError: the text has another form.
+    """
+    name, (x, y), stamp_ns = _parse("click", text, "X,Y")
+    return Click(name, x, y, stamp_ns)
+
+
+def _parse(what: str, text: str, places: str) -> tuple[str, list[float], int]:
+    """Name, numbers and stamp of `NAME:...@STAMP_NS`."""
+    name, colon, rest = text.rpartition(":")
+    numbers_text, _, stamp_text = rest.partition("@")
+    try:
+        numbers = [float(number) for number in numbers_text.split(",")]
+        stamp_ns = int(stamp_text or 0)
+    except ValueError as err:
+        msg = f"{what} {text!r} is not NAME:{places} or NAME:{places}@STAMP_NS (pixels, nanoseconds)"
+        raise TargetError(msg) from err
+    if len(numbers) != len(places.split(",")):
+        msg = f"{what} {text!r} is not NAME:{places} or NAME:{places}@STAMP_NS (pixels, nanoseconds)"
+        raise TargetError(msg)
+    if not colon or not name or stamp_ns < 0:
+        msg = f"{what} {text!r} needs a name and a stamp of 0 or more: NAME:{places}@STAMP_NS"
+        raise TargetError(msg)
+    return name, numbers, stamp_ns
+
+
+def unique_targets(targets: Iterable[StartT]) -> list[StartT]:
+    """The targets (or clicks), in order.
 
     Raises:
         TargetError: a name occurs twice.
     """
-    found: dict[str, TargetStart] = {}
+    found: dict[str, StartT] = {}
     for target in targets:
         if target.name in found:
             msg = f"target {target.name!r} is given twice: give each target a name of its own"

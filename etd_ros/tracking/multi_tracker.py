@@ -12,9 +12,11 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.detection import EdgeBoxes, Proposals
+from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
 
@@ -33,6 +35,7 @@ class MultiTracker:
         recovery_factory: makes one recovery tracker a target; None: a failed target stays lost.
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
         searches: whether reports say how each target was looked for, to be drawn.
+        starter: starts targets without a box: at clicks, or by themselves.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class MultiTracker:
         contours: ContourConfig | None = None,
         *,
         searches: bool = False,
+        starter: Starter | None = None,
     ) -> None:
         self._width = width
         self._height = height
@@ -53,6 +57,8 @@ class MultiTracker:
         self._recovery_factory = recovery_factory
         self._contours = contours
         self._searches = searches
+        self._starter = starter
+        self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
         self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
@@ -80,10 +86,7 @@ class MultiTracker:
             BoxError: the box is not finite, has no area or lies off the sensor.
             RecoveryError: its recovery tracker cannot be made.
         """
-        _check_name(name)
-        if name in self._targets:
-            msg = f"target {name!r} is being tracked already: stop it first or choose another name"
-            raise TrackingError(msg)
+        self._check_free(name)
         if stamp_ns < 0:
             msg = f"target {name!r} starts at {stamp_ns} ns: a stamp is 0 (the next frame) or above"
             raise TrackingError(msg)
@@ -96,6 +99,30 @@ class MultiTracker:
             return Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
         return ContourTarget(name, box, stamp_ns, self._config, self._contours, self._surface, self._recovery_factory)
 
+    def click(self, click: Click) -> None:
+        """Track the moving object round a point, once something moves there; `take_notices` says if nothing does.
+
+        Raises:
+            TrackingError: the name is unusable or taken, the point lies off the sensor, the stamp is negative, or this
+                tracker has no starter.
+        """
+        self._check_free(click.name)
+        if self._starter is None:
+            msg = f"click {click}: this tracker starts no targets by clicks: give it a starter"
+            raise TrackingError(msg)
+        self._starter.click(click)
+
+    def take_notices(self) -> list[str]:
+        """What there is to say of clicks that start nothing, since the last call."""
+        notices, self._notices = self._notices, []
+        return notices
+
+    def _check_free(self, name: str) -> None:
+        _check_name(name)
+        if name in self._targets:
+            msg = f"target {name!r} is being tracked already: stop it first or choose another name"
+            raise TrackingError(msg)
+
     def stop(self, name: str) -> None:
         """Forget a target.
 
@@ -106,10 +133,13 @@ class MultiTracker:
             msg = f"there is no target {name!r} to stop: tracked are {', '.join(self._targets) or 'none'}"
             raise TrackingError(msg)
         del self._targets[name]
+        if self._starter is not None:
+            self._starter.forget(name)
 
     def update(self, stamp_ns: int, frame: FrameData, image: FrameData | None = None) -> tuple[TargetReport, ...]:
         """Take the next frame. A stamp below the last one starts the stream again: targets with a start stamp of
-        their own wait for it anew at their first box, those started "now" go on from their last box.
+        their own wait for it anew at their first box, those started "now" go on from their last box, and those started
+        by themselves are forgotten. What the starter starts on a frame is reported from the next one on.
 
         Args:
             stamp_ns: T_i, the end of the frame (ns).
@@ -126,9 +156,28 @@ class MultiTracker:
         if image is not None:
             self._check_pixels("image", image, (self._height, self._width))
         if self._last_stamp_ns is not None and stamp_ns < self._last_stamp_ns:
-            for target in self._targets.values():
-                target.time_went_back(stamp_ns)
+            self._go_back(stamp_ns)
         self._last_stamp_ns = stamp_ns
+        reports = self._reports(stamp_ns, frame, image)
+        if self._starter is not None:
+            self._change(self._starter.take(stamp_ns, frame, reports))
+        return reports
+
+    def _go_back(self, stamp_ns: int) -> None:
+        for name in self._starter.time_went_back() if self._starter is not None else ():
+            self.stop(name)
+        for target in self._targets.values():
+            target.time_went_back(stamp_ns)
+
+    def _change(self, changes: Changes) -> None:
+        """Stop and start what the starter says, from the next frame on."""
+        for name in changes.stops:
+            self.stop(name)
+        for name, box in changes.starts:
+            self.start(name, box)
+        self._notices += changes.notices
+
+    def _reports(self, stamp_ns: int, frame: FrameData, image: FrameData | None) -> tuple[TargetReport, ...]:
         targets = self._targets.values()
         if self._contours is not None:
             self._surface.take(stamp_ns, frame)
