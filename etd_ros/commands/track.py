@@ -18,7 +18,6 @@ from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_box
 from etd_ros.evaluation.overlaps import overlaps
 from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.overlay import OverlayError
-from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import check_matplotlib, overlap_png
 from etd_ros.recordings import open_recording
@@ -74,9 +73,6 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options.output, options.video, options.plot)
     if options.plot is not None:
         check_matplotlib()
-    if options.video is None and (options.proposals or options.slow != 1):
-        msg = "--proposals and --slow say how the video looks, but there is none: give --video V.mp4 too"
-        raise OverlayError(msg)
     if options.video is None and (options.proposals or options.slow != 1):
         msg = "--proposals and --slow say how the video looks, but there is none: give --video V.mp4 too"
         raise OverlayError(msg)
