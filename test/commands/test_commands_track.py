@@ -144,7 +144,7 @@ def test_proposals_and_truth_are_drawn_into_the_video_when_asked_for(tmp_path):
     targets = whole_boxes(tmp_path)
     shown = []
     for options in ([], ["--proposals"], ["--truth", targets[1]]):
-        tracks_of(tmp_path, *targets, "--video", str(tmp_path / "video.mp4"), *options)
+        tracks_of(tmp_path, *targets, "--method", "etd", "--video", str(tmp_path / "video.mp4"), *options)
         shown.append(pictures_of(tmp_path / "video.mp4")[0].astype(int))
     plain, proposals, truth = shown
     assert np.abs(proposals - plain).max() > 50

@@ -36,15 +36,15 @@ def run(*, searches: bool, contours: ContourConfig | None = None):
     return regions, reports
 
 
-@pytest.mark.parametrize("contours", [None, ContourConfig()])
-def test_the_region_is_the_one_before_the_frame_from_the_start_on(contours):
+@pytest.mark.parametrize(("contours", "moved_px"), [(None, 0), (ContourConfig(), 3)])
+def test_the_region_is_the_one_before_the_frame_moved_on_by_contours_from_the_start_on(contours, moved_px):
     regions, reports = run(searches=True, contours=contours)
     for before, after in zip(regions, reports, strict=True):
         for region, report in zip(before, after, strict=True):
             if report.state is TargetState.IDLE:
                 assert report.search is None
             else:
-                assert report.search.region == region
+                assert report.search.region == pytest.approx(region, abs=moved_px)
     assert [reports[step][1].search is None for step in range(3)] == [True, True, False]
 
 
