@@ -13,7 +13,7 @@ from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
-from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
 from etd_ros.tracking.start_up import LOOKS as START_LOOKS
 from msg_adapters import ENCODINGS, Layout, decoder_for
 from msg_adapters.header import Header, write_header
@@ -22,6 +22,7 @@ from msg_adapters.layout import Writer
 SENSOR_SIDE = 48
 SQUARE_SIDE = 16
 STEPS = 24
+TEXTURE_STEPS, TEXTURE_SHARE = 12, 0.05
 STEP_NS = 2_000_000
 QUIET_NS = 1_000_000_000
 
@@ -84,6 +85,21 @@ def _track() -> None:
             tracker.update((step + 1) * STEP_NS, frame)
 
 
+def _discover() -> None:
+    """A texture that moves as before a panning camera, and a square that moves otherwise."""
+    side = 5 * SENSOR_SIDE
+    texture = np.random.default_rng(0).random((side, side)) < TEXTURE_SHARE
+    discovery = Discovery(side, side)
+    for step in range(TEXTURE_STEPS):
+        moved = np.roll(texture, 2 * step, axis=1)
+        top = SENSOR_SIDE + 4 * step
+        moved[top : top + 2 * SQUARE_SIDE, :SENSOR_SIDE] = texture[: 2 * SQUARE_SIDE, :SENSOR_SIDE]
+        frame = np.repeat(moved[:, :, None], 2, axis=2).astype(np.uint8) * 255
+        frame.flags.writeable = step % 2 == 0
+        discovery.take((step + 1) * 5 * STEP_NS, frame)
+        discovery.look(thorough=True)
+
+
 def _packet(encoding: str) -> bytes:
     writer = Writer(Layout.ROS2)
     write_header(writer, Header(0, ""))
@@ -135,5 +151,6 @@ _RUNS: tuple[tuple[frozenset[str], Callable[[], None]], ...] = (
     (frozenset({"noise_filter", "atsltd", "fixed_window", "fixed_count"}), _convert),
     (frozenset({"reconstruction"}), _reconstruct),
     (frozenset({"detection", "tracking", "contours", "recovery"}), _track),
+    (frozenset({"discovery"}), _discover),
 )
 """Stages, by the names of their settings, and what runs their kernels."""

@@ -23,6 +23,7 @@ from msg_adapters.event_packet import ENCODINGS, encode_event_packet, packet_to_
 from msg_adapters.header import Header
 from msg_adapters.image import IMAGE_TYPE, ImageMessage, decode_image, encode_image
 from msg_adapters.layout import Layout, MessageBytes, MessageError
+from msg_adapters.point import POINT_TYPE, PointMessage, decode_point, encode_point
 
 __all__ = [
     "DETECTIONS_TYPE",
@@ -30,6 +31,7 @@ __all__ = [
     "ENCODINGS",
     "EVENT_TYPES",
     "IMAGE_TYPE",
+    "POINT_TYPE",
     "DecodedWords",
     "Detection",
     "DetectionsMessage",
@@ -46,17 +48,20 @@ __all__ = [
     "Level",
     "MessageBytes",
     "MessageError",
+    "PointMessage",
     "SensorClock",
     "Triggers",
     "WordDecoder",
     "decode_detections",
     "decode_diagnostics",
     "decode_image",
+    "decode_point",
     "decoder_for",
     "encode_detections",
     "encode_diagnostics",
     "encode_event_packet",
     "encode_image",
+    "encode_point",
     "packet_to_ros2",
     "ros2_type_name",
 ]

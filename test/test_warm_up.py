@@ -22,7 +22,8 @@ def test_a_second_one_finds_nothing_to_compile_or_load(monkeypatch):
         (("stream", "noise_filter", "atsltd"), {"_decode", "_convert"}),
         (("stream", "reconstruction"), {"_decode", "_reconstruct"}),
         (("detection", "tracking", "contours", "recovery"), {"_track"}),
-        (tuple(STAGES), {"_decode", "_convert", "_reconstruct", "_track"}),
+        (("discovery",), {"_discover"}),
+        (tuple(STAGES), {"_decode", "_convert", "_reconstruct", "_track", "_discover"}),
         ((), set()),
     ],
 )

@@ -98,12 +98,15 @@ class Pipeline(EtdNode):
         assert frame is not None
         height, width = shape = frame.data.shape[:2]
         if self._tracker is None or shape != self._tracker_shape:
-            self._tracker = make_tracker(self.options.method, width, height, self.settings)
+            self._tracker = make_tracker(
+                self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
+            )
             self._tracker_shape = shape
             self._targets.start_all(self._tracker, frame.start_ns)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._regions.boxes = self._tracker.search_regions()
+        self._targets.say_notices(self._tracker)
         if self._frames.get_subscription_count():
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
@@ -20,13 +21,14 @@ from etd_ros.nodes.worker import Handler, Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
 from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import DEFAULT_METHOD, METHODS, MultiTracker, TargetReport, TargetState
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, Click, MultiTracker, TargetReport, TargetState
 from msg_adapters import (
     Detection,
     DetectionsMessage,
     DiagnosticStatus,
     Level,
     decode_detections,
+    decode_point,
     encode_detections,
     encode_diagnostics,
     encode_image,
@@ -47,10 +49,17 @@ class TrackingOptions(NodeOptions):
     method: str = parameter(DEFAULT_METHOD, "tracking method", choices=tuple(METHODS))
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
+    auto: bool = parameter(False, "moving objects become targets auto_1, auto_2, ... by themselves")
+
+
+UNNAMED_MAX = 64
+"""Most boxes and clicks without a name that are targets at once: a detector that names nothing sends ever new ones."""
 
 
 class TargetInput:
-    """The targets that were asked for: by parameters, and by messages on `~/targets`.
+    """The targets that were asked for: by parameters, by boxes on `~/targets`, and by clicks on `~/clicked_point`.
+
+    A box of width and height 0 stops the target of its id.
 
     Args:
         node: whose parameters and topic they are.
@@ -62,9 +71,15 @@ class TargetInput:
         self._submit = submit
         self._targets = {target.name: target for target in _from_options(node.options)}
         self._new: dict[str, TargetStart] = {}
-        self._unnamed = 0
+        self._stopped: set[str] = set()
+        self._clicks: list[Click] = []
+        self._numbers = {"target": 0, "point": 0}
+        self._unnamed: set[str] = set()
         self._has_begun = False
-        self._subscription = node.create_subscription(Detection2DArray, "~/targets", self._receive, FRAME_QOS, raw=True)
+        self._boxes_in = node.create_subscription(Detection2DArray, "~/targets", self._receive, FRAME_QOS, raw=True)
+        self._points_in = node.create_subscription(
+            PointStamped, "~/clicked_point", self._receive_point, FRAME_QOS, raw=True
+        )
 
     def __len__(self) -> int:
         return len(self._targets)
@@ -78,6 +93,7 @@ class TargetInput:
                 errors when the node begins; they are tracked from the next frame on.
         """
         self._new.clear()
+        self._stopped.clear()
         for target in tuple(self._targets.values()):
             self._start(tracker, target)
             if not self._has_begun:
@@ -85,10 +101,28 @@ class TargetInput:
         self._has_begun = True
 
     def start_new(self, tracker: MultiTracker) -> None:
-        """Start, or start again, the targets that came since the last call."""
+        """Stop, start, or start again the targets that came since the last call."""
+        for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
+            tracker.stop(name)
         for target in self._new.values():
             self._start(tracker, target)
+        for click in self._clicks:
+            self._click(tracker, click)
+        self._stopped.clear()
         self._new.clear()
+        self._clicks.clear()
+
+    def say_notices(self, tracker: MultiTracker) -> None:
+        """Say in the log what became of clicks that start nothing."""
+        for notice in tracker.take_notices():
+            self._node.get_logger().warning(notice)
+        self._unnamed.intersection_update({*self._targets, *tracker.targets, *tracker.waiting_clicks})
+
+    def _click(self, tracker: MultiTracker, click: Click) -> None:
+        try:
+            tracker.click(click)
+        except EtdError as err:
+            self._node.count_error(err)
 
     def _start(self, tracker: MultiTracker, target: TargetStart) -> None:
         try:
@@ -115,12 +149,47 @@ class TargetInput:
     def _take(self, decoded: DetectionsMessage) -> None:
         for detection in decoded.detections:
             name = detection.id or detection.class_id
-            if not name:
-                self._unnamed += 1
-                name = f"target_{self._unnamed}"
+            if detection.box.w == 0 and detection.box.h == 0:
+                self._stop(name)
+                continue
+            try:
+                name = name or self._next_name("target")
+            except TargetError as err:
+                self._node.count_error(err)
+                break
             target = TargetStart(name, detection.box, decoded.stamp_ns)
             self._targets[name] = target
             self._new[name] = target
+
+    def _stop(self, name: str) -> None:
+        self._targets.pop(name, None)
+        self._new.pop(name, None)
+        self._stopped.add(name)
+
+    def _receive_point(self, message: bytes) -> None:
+        self._node.worker.submit(self._decode_point, message)
+
+    def _decode_point(self, message: bytes) -> None:
+        # Whoever clicks means what is there now, whichever clock his viewer stamps by.
+        point = decode_point(message)
+        self._submit(lambda: self._clicks.append(Click(self._next_name("point"), point.x, point.y)))
+
+    def _next_name(self, kind: str) -> str:
+        """A name for what came without one.
+
+        Raises:
+            TargetError: there are too many already.
+        """
+        if len(self._unnamed) >= UNNAMED_MAX:
+            msg = (
+                f"more than {UNNAMED_MAX} targets came without a name: give each detection an id that stays the same "
+                "from message to message, and stop what is gone by a box of size 0"
+            )
+            raise TargetError(msg)
+        self._numbers[kind] += 1
+        name = f"{kind}_{self._numbers[kind]}"
+        self._unnamed.add(name)
+        return name
 
 
 class ResetService:

@@ -19,7 +19,7 @@ from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import ImageMessage, Layout, MessageError, decode_image
 
-STAGES = ("detection", "tracking", "contours", "recovery")
+STAGES = ("detection", "tracking", "contours", "discovery", "recovery")
 EARLY_IMAGES_MAX = 64
 FLUSH_PERIOD_S = 0.1
 FIRST_FRAME_MAX_NS = 1_000_000_000
@@ -123,11 +123,12 @@ class Tracker(EtdNode):
     def missing(self) -> list[str]:
         """What the node waits for."""
         sentences = super().missing()
-        if not len(self._targets):
+        if not len(self._targets) and not self.options.auto:
             topic = self.resolve_topic_name("~/targets")
             sentences.append(
-                f"waiting for targets on {topic} (vision_msgs/msg/Detection2DArray, reliable): "
-                "publish boxes there, or set the parameter targets or targets_file"
+                f"waiting for targets on {topic} (vision_msgs/msg/Detection2DArray, reliable): publish boxes there "
+                f"or points on {self.resolve_topic_name('~/clicked_point')}, or set the parameter targets, "
+                "targets_file or auto"
             )
         return sentences
 
@@ -174,11 +175,14 @@ class Tracker(EtdNode):
         height, width = frame.data.shape[:2]
         if self._tracker is None or (width, height) != self._size:
             self._size = (width, height)
-            self._tracker = make_tracker(self.options.method, width, height, self.settings)
+            self._tracker = make_tracker(
+                self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
+            )
             self._targets.start_all(self._tracker, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._tracker.search_regions()
+        self._targets.say_notices(self._tracker)
         self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions)
 
 

@@ -112,6 +112,11 @@ class MultiTracker:
             raise TrackingError(msg)
         self._starter.click(click)
 
+    @property
+    def waiting_clicks(self) -> list[str]:
+        """The names of the clicks at which nothing has moved yet."""
+        return [click.name for click in self._starter.waiting_clicks] if self._starter is not None else []
+
     def take_notices(self) -> list[str]:
         """What there is to say of clicks that start nothing, since the last call."""
         notices, self._notices = self._notices, []
@@ -124,15 +129,15 @@ class MultiTracker:
             raise TrackingError(msg)
 
     def stop(self, name: str) -> None:
-        """Forget a target.
+        """Forget a target, or a click that waits.
 
         Raises:
-            TrackingError: there is no target of this name.
+            TrackingError: there is neither of this name.
         """
-        if name not in self._targets:
+        if name not in self._targets and name not in self.waiting_clicks:
             msg = f"there is no target {name!r} to stop: tracked are {', '.join(self._targets) or 'none'}"
             raise TrackingError(msg)
-        del self._targets[name]
+        self._targets.pop(name, None)
         if self._starter is not None:
             self._starter.forget(name)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -57,6 +57,11 @@ class Starter:
         """
         click.check(*self._size)
         self._clicks.add(click)
+
+    @property
+    def waiting_clicks(self) -> Sequence[Click]:
+        """The clicks without an answer."""
+        return self._clicks.waiting
 
     def forget(self, name: str) -> None:
         """A target is stopped, or a click taken back."""
