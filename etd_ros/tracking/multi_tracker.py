@@ -179,7 +179,7 @@ class MultiTracker:
         for name in changes.stops:
             self.stop(name)
         for name, box in changes.starts:
-            self.start(name, box)
+            self.start(name, box, self._last_stamp_ns or 0)
         self._notices += changes.notices
 
     def _reports(self, stamp_ns: int, frame: FrameData, image: FrameData | None) -> tuple[TargetReport, ...]:
