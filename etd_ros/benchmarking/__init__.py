@@ -1,10 +1,11 @@
-"""Figures of the event path beside those of other packages, on synthetic streams and recordings."""
+"""Figures of the event path and the tracker beside those of other packages, on simulated streams and recordings."""
 
 from etd_ros.benchmarking.event_path import FULL, QUICK, Effort, event_path
 from etd_ros.benchmarking.peers import missing_packages
 from etd_ros.benchmarking.report import Row, as_json, check_writable, table, write
 from etd_ros.benchmarking.scaling import scaling, scaling_png
 from etd_ros.benchmarking.streams import BenchmarkError
+from etd_ros.benchmarking.tracker import tracker
 
 __all__ = [
     "FULL",
@@ -19,5 +20,6 @@ __all__ = [
     "scaling",
     "scaling_png",
     "table",
+    "tracker",
     "write",
 ]

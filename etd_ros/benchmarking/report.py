@@ -58,7 +58,7 @@ class Row:
 
 def table(rows: Sequence[Row]) -> Table:
     """The rows for a terminal."""
-    shown = Table(title="event path, one thread")
+    shown = Table(title="one thread")
     for heading in HEADINGS:
         shown.add_column(heading, justify="left" if heading in LEFT_ALIGNED else "right", no_wrap=True)
     previous: tuple[str, ...] = ()

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +17,7 @@ from etd_ros.benchmarking import (
     QUICK,
     BenchmarkError,
     Effort,
+    Row,
     as_json,
     check_writable,
     event_path,
@@ -23,6 +25,7 @@ from etd_ros.benchmarking import (
     scaling,
     scaling_png,
     table,
+    tracker,
     write,
 )
 from etd_ros.output_files import check_outputs, write_beside
@@ -30,7 +33,7 @@ from etd_ros.plots import check_matplotlib
 
 T = TypeVar("T")
 
-GROUPS = ("event-path",)
+GROUPS: dict[str, Callable[[Effort, Path | None], Iterator[Row]]] = {"event-path": event_path, "tracker": tracker}
 DATA_VARIABLE = "ETD_DATA"
 DATA_DEFAULT = Path("../shared/data")
 TABLE_WIDTH_MIN = 165
@@ -78,7 +81,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.write is not None:
         check_writable(options.write)
-    rows = list(_shown(event_path(effort, _data(options.data)), lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
+    data = _data(options.data)
+    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or GROUPS)
+    rows = list(_shown(measured, lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
     if options.write is not None:
         write(options.write, rows)
     if options.json:

@@ -24,6 +24,10 @@ MAPS = 5
 SUPPORT_FLOOR = 20.0
 """Added to the number of points under the model, so that few of them never look certain."""
 NORM_FLOOR = 0.1
+CLIMBS = 3
+"""The place found with the nearest cells may be a step off; so often it is moved to a better neighbour."""
+POINTS_SEARCHED = 300
+"""About so many points are enough to find the place; all of them put it right."""
 PRIOR_WEIGHT = 0.05
 """How much of the best score a place at the edge of the search gives away to one in its middle."""
 
@@ -60,6 +64,15 @@ def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, 
                     points[count, POLARITY] = 1.0 if channel == 0 else -1.0
                     count += 1
     return count
+
+
+@njit(cache=True, nogil=True)
+def parabola(left: float, middle: float, right: float) -> float:
+    """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top."""
+    curvature = left - 2 * middle + right
+    if curvature >= 0:
+        return 0.0
+    return float(min(max(0.5 * (left - right) / curvature, -0.5), 0.5))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -139,51 +152,85 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+                  velocity: Float64Array, step_px: float, sums: Float64Array) -> None:  # fmt: skip
+    """`_sums` for every place of a square grid round x, y, with the cell nearest to each point, and of so many points
+    only as find the place: `sums`, shape (2r + 1, 2r + 1, 4)."""
+    _, rows, columns = maps.shape
+    side = sums.shape[0]
+    radius = side // 2
+    table = np.empty((rows, columns, 4), np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            for part in range(4):
+                table[row, column, part] = maps[part, row, column]
+    sums[:] = 0
+    for index in range(0, count, 1 + count // POINTS_SEARCHED):
+        dx = points[index, X] + velocity[0] * points[index, AGE] - x
+        dy = points[index, Y] + velocity[1] * points[index, AGE] - y
+        polarity = points[index, POLARITY]
+        for j in range(side):
+            for i in range(side):
+                across, down = dx - (i - radius) * step_px, dy - (j - radius) * step_px
+                column = int(cosine * across + sine * down + columns / 2)
+                row = int(cosine * down - sine * across + rows / 2)
+                if 0 <= column < columns and 0 <= row < rows:
+                    sums[j, i, 0] += polarity * table[row, column, 0]
+                    sums[j, i, 1] += polarity * table[row, column, 1]
+                    sums[j, i, 2] += table[row, column, 2]
+                    sums[j, i, 3] += table[row, column, 3]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
            cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
-           any_motion: bool, step_px: float, scores: Float64Array) -> tuple[float, float]:  # fmt: skip
-    """The best place on a square grid round a pose, between its points by parabolas.
+           any_motion: bool, step_px: float, sums: Float64Array) -> tuple[float, float]:  # fmt: skip
+    """The best place on a square grid round a pose, then between its points by parabolas.
 
     `bias` is motion (pixels) that is added to the one from `before`, x, y of the target at its last look, to a place,
-    for the polarity it predicts. `scores`, float64 of shape (2r + 1, 2r + 1), is filled with the score of each place.
+    for the polarity it predicts. `sums`, float64 of shape (2r + 1, 2r + 1, 4), is room for the grid.
     Returns x, y of the best place (pixels).
     """
-    side = scores.shape[0]
+    side = sums.shape[0]
     radius = side // 2
     size = 1 / (cell_px * pose[2])
     cosine, sine = np.cos(pose[3]) * size, np.sin(pose[3]) * size
+    _sums_on_grid(points, count, maps, pose[0], pose[1], cosine, sine, velocity, step_px, sums)
     best = -np.inf
     for j in range(side):
         for i in range(side):
-            x, y = pose[0] + (i - radius) * step_px, pose[1] + (j - radius) * step_px
-            sums = _sums(points, count, maps, x, y, cosine, sine, velocity[0], velocity[1])
-            motion_x, motion_y = x - before[0] + bias[0], y - before[1] + bias[1]
-            score = _agreement(sums, norms, motion_x, motion_y, ridge_weight, any_motion)
-            score /= np.sqrt(sums[3] + SUPPORT_FLOOR)
-            scores[j, i] = score
-            best = max(best, score)
+            found = (sums[j, i, 0], sums[j, i, 1], sums[j, i, 2], sums[j, i, 3])
+            motion_x = pose[0] + (i - radius) * step_px - before[0] + bias[0]
+            motion_y = pose[1] + (j - radius) * step_px - before[1] + bias[1]
+            score = _agreement(found, norms, motion_x, motion_y, ridge_weight, any_motion)
+            sums[j, i, 0] = score / np.sqrt(found[3] + SUPPORT_FLOOR)
+            best = max(best, sums[j, i, 0])
     top, best_i, best_j = -np.inf, radius, radius
     for j in range(side):
         for i in range(side):
             far = ((i - radius) ** 2 + (j - radius) ** 2) / max(1.0, (0.8 * radius) ** 2 * 2)
-            scores[j, i] -= PRIOR_WEIGHT * abs(best) * far
-            if scores[j, i] > top:
-                top, best_i, best_j = scores[j, i], i, j
-    x, y = float(best_i), float(best_j)
-    if 0 < best_i < side - 1:
-        x += parabola(scores[best_j, best_i - 1], top, scores[best_j, best_i + 1])
-    if 0 < best_j < side - 1:
-        y += parabola(scores[best_j - 1, best_i], top, scores[best_j + 1, best_i])
-    return pose[0] + (x - radius) * step_px, pose[1] + (y - radius) * step_px
-
-
-@njit(cache=True, nogil=True)
-def parabola(left: float, middle: float, right: float) -> float:
-    """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top."""
-    curvature = left - 2 * middle + right
-    if curvature >= 0:
-        return 0.0
-    return float(min(max(0.5 * (left - right) / curvature, -0.5), 0.5))
+            score = sums[j, i, 0] - PRIOR_WEIGHT * abs(best) * far
+            if score > top:
+                top, best_i, best_j = score, i, j
+    x, y = pose[0] + (best_i - radius) * step_px, pose[1] + (best_j - radius) * step_px
+    around = np.empty((2, 3))
+    for _ in range(CLIMBS):
+        for axis in range(2):
+            for number in range(3):
+                offset = (number - 1) * step_px
+                at_x, at_y = (x + offset, y) if axis == 0 else (x, y + offset)
+                found = _sums(points, count, maps, at_x, at_y, cosine, sine, velocity[0], velocity[1])
+                score = _agreement(
+                    found, norms, at_x - before[0] + bias[0], at_y - before[1] + bias[1], ridge_weight, any_motion
+                )
+                around[axis, number] = score / np.sqrt(found[3] + SUPPORT_FLOOR)
+        uphill_x, uphill_y = np.argmax(around[0]) - 1, np.argmax(around[1]) - 1
+        if uphill_x == 0 and uphill_y == 0:
+            break
+        x, y = x + uphill_x * step_px, y + uphill_y * step_px
+    x += step_px * parabola(around[0, 0], around[0, 1], around[0, 2])
+    y += step_px * parabola(around[1, 0], around[1, 1], around[1, 2])
+    return x, y
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -222,29 +269,21 @@ def blur(drawn: Float32Array, room: Float32Array) -> None:
     channels, rows, columns = drawn.shape
     for channel in range(channels):
         for row in range(rows):
-            for column in range(columns):
-                value = 6 * drawn[channel, row, column]
-                if column > 0:
-                    value += 4 * drawn[channel, row, column - 1]
-                if column > 1:
-                    value += drawn[channel, row, column - 2]
-                if column < columns - 1:
-                    value += 4 * drawn[channel, row, column + 1]
-                if column < columns - 2:
-                    value += drawn[channel, row, column + 2]
-                room[channel, row, column] = value
+            line, smooth = drawn[channel, row], room[channel, row]
+            for column in range(2, columns - 2):
+                near = line[column - 1] + line[column + 1]
+                smooth[column] = 6 * line[column] + 4 * near + line[column - 2] + line[column + 2]
+            # The two cells at each border, where less lies beside them: the model's weight is 0 there.
+            for column in (0, 1, columns - 2, columns - 1):
+                smooth[column] = 16 * line[column]
         for row in range(rows):
+            line = drawn[channel, row]
+            above, above_2 = room[channel, max(row - 1, 0)], room[channel, max(row - 2, 0)]
+            below, below_2 = room[channel, min(row + 1, rows - 1)], room[channel, min(row + 2, rows - 1)]
+            middle = room[channel, row]
             for column in range(columns):
-                value = 6 * room[channel, row, column]
-                if row > 0:
-                    value += 4 * room[channel, row - 1, column]
-                if row > 1:
-                    value += room[channel, row - 2, column]
-                if row < rows - 1:
-                    value += 4 * room[channel, row + 1, column]
-                if row < rows - 2:
-                    value += room[channel, row + 2, column]
-                drawn[channel, row, column] = value / 256
+                near = above[column] + below[column]
+                line[column] = (6 * middle[column] + 4 * near + above_2[column] + below_2[column]) / 256
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -273,8 +273,8 @@ class ContourTarget:
         if self._candidate is None:
             self._is_at_failure = not self._is_at_failure
         x, y = (float(value) for value in (self._before[1] if self._is_at_failure else contours.pose)[:2])
-        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side)), SEARCH_STEP_PX)
-        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7)), 1.0)
+        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, 4)), SEARCH_STEP_PX)
+        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, 4)), 1.0)
         is_here = np.hypot(look.x - x, look.y - y) < FOUND_DISTANCE_PX
         wanted = CONFIDENCE_FOUND_HERE if is_here else CONFIDENCE_FOUND
         is_like_it = look.events >= EVENTS_MIN and self._confidence_of(look) >= wanted

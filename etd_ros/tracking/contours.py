@@ -132,8 +132,8 @@ class Contours:
         self._events_per_px: float | None = None
         self._events_waiting = 0
         side = 2 * config.search_radius + 1
-        self._scores = np.zeros((side, side))
-        self._wide_scores = np.zeros((2 * side - 1, 2 * side - 1))
+        self._sums = np.zeros((side, side, 4))
+        self._wide_sums = np.zeros((2 * side - 1, 2 * side - 1, 4))
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
@@ -179,15 +179,15 @@ class Contours:
             any_motion: the target may have turned or sped up: polarities count for the direction that fits them best,
                 and places twice as far away are looked at.
         """
-        scores = self._wide_scores if any_motion else self._scores
-        return self.look_at(surface, *self.predicted(surface.stamp_ns), scores, 1.0, any_motion)
+        sums = self._wide_sums if any_motion else self._sums
+        return self.look_at(surface, *self.predicted(surface.stamp_ns), sums, 1.0, any_motion)
 
     def look_at(
         self,
         surface: TimeSurface,
         x: float,
         y: float,
-        scores: Float64Array,
+        sums: Float64Array,
         step_px: float,
         any_motion: bool = True,
     ) -> Look:
@@ -197,20 +197,20 @@ class Contours:
             surface: the events.
             x: the column in the middle (pixels).
             y: the row in the middle (pixels).
-            scores: float64, shape (2r + 1, 2r + 1), room for the places' scores.
+            sums: float64, shape (2r + 1, 2r + 1, 4), room for the places' scores.
             step_px: distance of the places (pixels).
             any_motion: as for `look`.
         """
         config = self.config
         box = self.box_at(x, y).scaled(MARGIN)
-        margin = scores.shape[0] // 2 * step_px + BORDER_CELLS
+        margin = sums.shape[0] // 2 * step_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
         measure_norms(self.maps, self._norms)
         pose = np.array([x, y, self.pose[2], self.pose[3]])
         pose[0], pose[1] = search(
             points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, BIAS_PX * self.direction,
-            self.pose, config.ridge_weight, any_motion, step_px, scores,
+            self.pose, config.ridge_weight, any_motion, step_px, sums,
         )  # fmt: skip
         score, agreement, events, *direction = self._score(points, count, pose, any_motion)
         motion = float(np.clip(self.speed_px_s * span_s / config.window_px, MOTION_MIN, 1.0))
