@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,7 +21,8 @@ from etd_ros.recovery.matchers import Answers, Matcher
 DISTRACTORS_MAX = 4
 DISTRACTOR_SCORE_MIN = 0.3
 """A place away from the target that scores as much while tracking is right is remembered as a distractor."""
-SURROUNDINGS_MAX = 3
+SETTLED_MAX = 3
+"""Views that are used beside the first one."""
 SURROUNDINGS_SIDE = 256
 """Side of the crops that distractors are looked for in (pixels at the exemplar's scale)."""
 SAME_PLACE_IOU = 0.4
@@ -83,9 +84,9 @@ class SiameseRecovery:
         self._matcher = matcher
         self._config = config
         self._first: View | None = None
-        self._settled: View | None = None
         self._newest: View | None = None
-        self._recent: deque[View] = deque(maxlen=SURROUNDINGS_MAX)
+        self._settled: deque[View] = deque(maxlen=SETTLED_MAX)
+        self._size = (0.0, 0.0)
         self._templates: list[Any] = []
         self._unlearnt: list[View] = []
         self._distractors: list[_Distractor] = []
@@ -111,13 +112,13 @@ class SiameseRecovery:
         view = self._view(image, box)
         if view.exemplar.std() < self._config.texture_min:
             return
+        # The newest is used once the next has come: what a failing tracker saw last is often not the target.
+        if self._newest is not None:
+            self._settled.append(self._newest)
         if self._first is None:
             self._first = view
         else:
-            # The newest is used once the next has come: what a failing tracker saw last is often not the target.
-            self._settled, self._newest = self._newest, view
-        if self._settled is not None or self._newest is None:
-            self._recent.append(self._settled or view)
+            self._newest = view
         self._templates.clear()
         self._images_since = 0
 
@@ -149,14 +150,13 @@ class SiameseRecovery:
         if self._first is None:
             return None
         self._learn()
-        w, h = (self._settled or self._first).box_size
         # A place that was found on the last image is looked at again rather than left for the next part.
         around = self._agreeing[-1] if self._agreeing else last_box
-        crop = self._window(image, around.center, (w, h))
+        crop = self._window(image, around.center)
         self._searches += 1
         distractors = [distractor.template for distractor in self._distractors]
         answers = self._matcher.match(crop.pixels, [*self._templates, *distractors])
-        return self._likeliest(answers, crop, (w, h), image)
+        return self._likeliest(answers, crop, image)
 
     def _view(self, image: GreyImage, box: Box) -> View:
         side = self._matcher.exemplar_side
@@ -167,13 +167,15 @@ class SiameseRecovery:
         return View(exemplar, (box.w * scale, box.h * scale), surroundings, (box.w, box.h))
 
     def _learn(self) -> None:
-        """Templates of the first and of the settled view; and of what was like them around one of the recent views,
-        the next one with the next search, so that the first search does not take several searches' time."""
+        """Templates of the views; and of what was like them around one of the settled views, the next one with the
+        next search, so that the first search does not take several searches' time."""
         assert self._first is not None
+        views = [self._first, *self._settled]
         if not self._templates:
-            views = [self._first] if self._settled is None else [self._first, self._settled]
-            self._templates = [self._matcher.template(view.exemplar, view.size) for view in views]
-            self._unlearnt = list(self._recent)
+            self._size = _usual_size(views)
+            usual = [view for view in views if _ratio(view.box_size, self._size) <= self._config.size_ratio_max]
+            self._templates = [self._matcher.template(view.exemplar, view.size) for view in usual]
+            self._unlearnt = views
             self._distractors.clear()
         if self._unlearnt:
             found = [*self._distractors, *self._distractors_of(self._unlearnt.pop())]
@@ -182,7 +184,7 @@ class SiameseRecovery:
     def _distractors_of(self, view: View) -> Iterator[_Distractor]:
         """The places beside the target that were like it."""
         answers = self._matcher.match(view.surroundings, self._templates)
-        scores = answers.scores.mean(0)
+        scores = answers.scores.max(0)
         middle = SURROUNDINGS_SIDE / 2
         target = Box(middle - view.size[0] / 2, middle - view.size[1] / 2, *view.size)
         crop = Crop(view.surroundings, 0.0, 0.0, 1.0)
@@ -198,12 +200,12 @@ class SiameseRecovery:
             yield _Distractor(float(scores[row, column]), self._matcher.template(exemplar, (w, h)))
             target = crop.on_image(x, y, w, h)
 
-    def _window(self, image: GreyImage, center: tuple[float, float], size: tuple[float, float]) -> Crop:
+    def _window(self, image: GreyImage, center: tuple[float, float]) -> Crop:
         """The part of the region round `center` that is searched now, at the scale of the exemplars."""
-        scale = self._matcher.exemplar_side / exemplar_extent(*size)
+        scale = self._matcher.exemplar_side / exemplar_extent(*self._size)
         region_scale = self._config.search_scale + self._config.search_growth * self._searches
         # The places searched for the centre: the region, as far as it lies on the image.
-        reach = [max(side * region_scale / 2, STRIDE / scale) for side in size]
+        reach = [max(side * region_scale / 2, STRIDE / scale) for side in self._size]
         bounds = [
             (max(0.0, min(middle, extent) - half), min(float(extent), max(middle, 0.0) + half))
             for middle, half, extent in zip(center, reach, image.shape[::-1], strict=True)
@@ -234,15 +236,16 @@ class SiameseRecovery:
             for (x, width), (y, height) in itertools.product(*spans)
         ]
 
-    def _likeliest(self, answers: Answers, crop: Crop, size: tuple[float, float], image: GreyImage) -> Candidate | None:
+    def _likeliest(self, answers: Answers, crop: Crop, image: GreyImage) -> Candidate | None:
         count = len(self._templates)
-        likeness = answers.scores[:count].mean(0)
+        # The view that knows it best decides: a target that has turned looks like one of its views, not like their mean.
+        likeness = answers.scores[:count].max(0)
         if self._distractors:
             likeness = likeness - self._config.distractor_weight * answers.scores[count:].mean(0)
         # Each place's box is that of the template which knows it better.
         best = np.argmax(answers.scores[:count], axis=0)
         boxes = np.take_along_axis(answers.boxes[:count], best[None, None], axis=0)[0]
-        likeness = np.where(self._plausible(boxes, crop, size, image), likeness, 0)
+        likeness = np.where(self._plausible(boxes, crop, image), likeness, 0)
         row, column = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
         score = float(likeness[row, column])
         if score <= 0:
@@ -252,11 +255,11 @@ class SiameseRecovery:
         second = float(np.max(likeness, where=beside, initial=0.0))
         return Candidate(crop.on_image(x, y, w, h), score, score - second)
 
-    def _plausible(self, boxes: Any, crop: Crop, size: tuple[float, float], image: GreyImage) -> Any:
+    def _plausible(self, boxes: Any, crop: Crop, image: GreyImage) -> Any:
         """Where boxes (shape (4, rows, columns)) have about the remembered size and their centre on the image."""
         x, y, w, h = boxes
         limit = self._config.size_ratio_max
-        ratio_w, ratio_h = w / (size[0] * crop.scale), h / (size[1] * crop.scale)
+        ratio_w, ratio_h = w / (self._size[0] * crop.scale), h / (self._size[1] * crop.scale)
         column, row = crop.left + x / crop.scale, crop.top + y / crop.scale
         return (
             (np.maximum(ratio_w, ratio_h) <= limit)
@@ -272,3 +275,15 @@ def _beside(boxes: Any, box: Box) -> Any:
     """Which boxes (centre x, y, width, height; shape (4, rows, columns)) have their centre off a box's."""
     x, y = box.center
     return np.maximum(np.abs(boxes[0] - x) / box.w, np.abs(boxes[1] - y) / box.h) > 0.5
+
+
+def _usual_size(views: Sequence[View]) -> tuple[float, float]:
+    """The size that the views agree on: of the upper median of their areas, since a target that goes behind something
+    leaves smaller and smaller boxes."""
+    sizes = sorted((view.box_size for view in views), key=lambda size: -size[0] * size[1])
+    return sizes[(len(sizes) - 1) // 2]
+
+
+def _ratio(size: tuple[float, float], other: tuple[float, float]) -> float:
+    """The larger of the ratios, either way, of the widths and of the heights."""
+    return max(max(a / b, b / a) for a, b in zip(size, other, strict=True))

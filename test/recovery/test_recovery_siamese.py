@@ -275,3 +275,14 @@ def test_the_matcher_scores_every_template_at_every_place():
     assert answers.scores.shape == (3, 11, 15)
     assert answers.boxes.shape == (3, 4, 11, 15)
     assert ((answers.scores >= 0) & (answers.scores <= 1)).all()
+
+
+def test_a_target_that_slid_behind_something_is_known_by_its_whole_self(make):
+    sprite = texture(1, 40, 36)
+    tracker = after_a_loss(make, (sprite, START), images=45)
+    for width in (30, 20, 12):
+        sliver = START._replace(w=width)
+        for _ in range(20):
+            tracker.remember(picture((sprite[:, :width], sliver)), sliver)
+    moved = START._replace(x=110)
+    assert_near(searched(tracker, START, (sprite, moved), images=12)[-1], moved)
