@@ -45,7 +45,7 @@ PROPOSALS_MAX = 40
 """More of them hide what they are about."""
 PROPOSAL_STRENGTHS = (0.2, 0.8)
 """Of the faintest and of the best."""
-DASH = 5
+DASH, TRAIL_THICKNESS = 5, 2
 FLASH_STRENGTH, FLASH_REACH, FLASH_THICKNESS = 0.25, 16, 3
 NO_TRUTH: Mapping[str, Box] = MappingProxyType({})
 
@@ -256,14 +256,21 @@ def _draw_region(panel: Picture, region: Box, scale: float, colour: Colour) -> N
 
 def _draw_trail(panel: Picture, trail: npt.NDArray[np.float64], box: Box | None, scale: float, colour: Colour) -> None:
     """Behind the box, so that it does not hide the target."""
-    strength = np.zeros(panel.shape[:2], np.uint8)
-    limit = 2 * max(panel.shape)
-    points = np.clip(trail[:, :2] * scale, -limit, limit).astype(np.int32).tolist()
-    for start, end, freshness in zip(points[:-1], points[1:], trail[1:, 2], strict=True):
-        cv2.line(strength, start, end, round(255 * float(freshness)), 2)
+    if len(trail) < 2:
+        return
+    rows, columns, _ = panel.shape
+    points = np.clip(trail[:, :2] * scale, 0, (columns - 1, rows - 1)).astype(np.int32)
+    # Only the part of the panel that the trail reaches is blended, which is most of the time it would take.
+    first = np.maximum(points.min(axis=0) - TRAIL_THICKNESS, 0)
+    part = panel[first[1] : points[:, 1].max() + TRAIL_THICKNESS, first[0] : points[:, 0].max() + TRAIL_THICKNESS]
+    strength = np.zeros(part.shape[:2], np.uint8)
+    inside = (points - first).tolist()
+    for start, end, freshness in zip(inside[:-1], inside[1:], trail[1:, 2], strict=True):
+        cv2.line(strength, start, end, round(255 * float(freshness)), TRAIL_THICKNESS)
     if box is not None:
-        cv2.rectangle(strength, *_corners(panel, box, scale), 0, cv2.FILLED)
-    _blend(panel, strength, colour)
+        corners = np.array(_corners(panel, box, scale)) - first
+        cv2.rectangle(strength, *corners.tolist(), 0, cv2.FILLED)
+    _blend(part, strength, colour)
 
 
 def _draw_box(panel: Picture, box: Box, scale: float, colour: Colour) -> None:
