@@ -15,9 +15,9 @@ from etd_ros.tracking.clusters import Clusters, Sighting
 from etd_ros.tracking.recent_events import NEVER_NS, RecentEvents
 
 WINDOW_S = 0.06
-LOOK_NS, CAMERA_LOOK_NS = 20_000_000, 50_000_000
+LOOK_NS, CAMERA_LOOK_NS = 30_000_000, 40_000_000
 """Distance of looks (ns) with a still and with a moving camera."""
-SLOW_WINDOW_S, SLOW_LOOKS = 0.2, 5
+SLOW_WINDOW_S, SLOW_LOOKS = 0.2, 3
 """Every so many looks go further back, for things too slow to be seen in the short window ..."""
 SLOW_MOTION_PX = 20.0
 """... in which they move by less than this."""
@@ -26,8 +26,13 @@ SECTORS = (8, 6)
 """Columns and rows that the sensor is divided into to tell how much of it moves."""
 SECTOR_BUSY, SECTORS_BUSY = 0.15, 0.12
 """A sector is busy if so many of its cells are; with so many busy sectors the camera may be moving."""
-MEMORY, CAMERA_STARTS, CAMERA_STOPS = 0.7, 0.45, 0.2
-"""The camera moves from when, in this fading memory of looks, so many said so, until few of them do."""
+CAMERA_WINDOW_S = 0.04
+"""The events in which a camera's motion is looked for first."""
+CAMERA_LOOKS = 2
+"""Before a still camera, every so many looks at a busy sensor ask whether it moves."""
+MEMORY, FIRST_MEMORY, CAMERA_STARTS, CAMERA_STOPS = 0.6, 0.6, 0.45, 0.2
+"""The camera moves from when, in this fading memory of looks, so many said so, until few of them do; a
+first look that has to decide at once counts twice."""
 FLOCK_MIN, FLOCK_SHARE, FLOCK_EXTENT = 4, 0.5, 0.3
 """So many things that move alike, this share of all, over so much of the sensor are its background."""
 FLOCK_TOLERANCE, FLOCK_TOLERANCE_PX_S, FLOCK_ERRORS = 0.25, 15.0, 2.0
@@ -81,7 +86,7 @@ class Discovery:
         self._clusters = Clusters(self._events)
         self._camera = CameraMotion(self._events)
         self._camera_moves = False
-        self._camera_memory = 0.0
+        self._camera_memory: float | None = None
         self._looks = 0
 
     @property
@@ -96,7 +101,7 @@ class Discovery:
         """
         if stamp_ns < self._events.stamp_ns:
             self.stamp_ns, self.sightings = NEVER_NS, []
-            self._camera_moves, self._camera_memory = False, 0.0
+            self._camera_moves, self._camera_memory = False, None
         self._events.take(stamp_ns, data)
 
     def is_due(self) -> bool:
@@ -112,7 +117,8 @@ class Discovery:
         self.stamp_ns = self._events.stamp_ns
         self._looks += 1
         clusters = [] if self._camera_moves else self._clusters.find(self._events.points(WINDOW_S))
-        found = self._among_camera_motion() if self._camera_moves or self._is_busy() else []
+        asks = (thorough or self._looks % CAMERA_LOOKS == 0) and self._is_busy()
+        found = self._among_camera_motion(at_once=thorough) if self._camera_moves or asks else []
         if not self._camera_moves:
             if thorough or self._looks % SLOW_LOOKS == 0:
                 clusters += self._slow(clusters)
@@ -120,10 +126,19 @@ class Discovery:
         self.sightings = [sighting for sighting in found if self._has_size(sighting.box)]
         return self.sightings
 
-    def _among_camera_motion(self) -> list[Sighting]:
+    def _among_camera_motion(self, *, at_once: bool) -> list[Sighting]:
+        """What moves otherwise than the camera; whether that moves is decided by several looks, or `at_once`."""
+        if not self._camera_moves:
+            self._camera.window_s = CAMERA_WINDOW_S
         found = self._camera.look(self._events.points(self._camera.window_s))
+        if not self._camera_moves and self._camera.motion is not None:
+            # Only now is it known how far back the events have to go.
+            found = self._camera.look(self._events.points(self._camera.window_s))
         says_so = float(self._camera.motion is not None)
-        self._camera_memory = MEMORY * self._camera_memory + (1 - MEMORY) * says_so
+        if self._camera_memory is None and at_once:
+            self._camera_memory = FIRST_MEMORY * says_so
+        else:
+            self._camera_memory = MEMORY * (self._camera_memory or 0.0) + (1 - MEMORY) * says_so
         self._camera_moves = self._camera_memory > (CAMERA_STOPS if self._camera_moves else CAMERA_STARTS)
         return found
 

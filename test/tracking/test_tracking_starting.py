@@ -1,0 +1,206 @@
+"""Targets that start by a click or by themselves, on simulated scenes whose truth is exact."""
+
+import numpy as np
+import pytest
+
+from etd_ros.boxes import Box, iou
+from etd_ros.engine import FrameSource, make_tracker
+from etd_ros.events import concatenate
+from etd_ros.settings import Settings
+from etd_ros.simulation import SUITE
+from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def frames_of(name: str, until_s: float, method: str = "etd-plus"):
+    """The scene, and the frames of its first seconds."""
+    sequence = SUITE[name]
+    scene = sequence.scene()
+    batches = []
+    for batch in sequence.events(scene, start_ns=START_NS):
+        batches.append(batch)
+        if len(batch) and batch.t[-1] > START_NS + until_s * 1e9:
+            break
+    source = FrameSource(method_named(method).conversion, sequence.width, sequence.height, Settings())
+    return scene, list(source.frames(concatenate(batches)))
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return frames_of("ball", 0.7)
+
+
+def tracker_of(scene, method: str = "etd-plus", **discovery):
+    settings = Settings(discovery=DiscoveryConfig(**discovery))
+    return make_tracker(method, scene.width, scene.height, settings, auto=True)
+
+
+def clicking_tracker(scene, method: str = "etd-plus", **discovery):
+    settings = Settings(discovery=DiscoveryConfig(**discovery))
+    return make_tracker(method, scene.width, scene.height, settings, clicks=True)
+
+
+def seconds(stamp_ns: int) -> float:
+    return (stamp_ns - START_NS) / 1e9
+
+
+def overlap(box: Box, truth: Box) -> float:
+    return float(iou(np.array([box]), truth)[0])
+
+
+@pytest.mark.parametrize("method", ["etd-plus", "etd-nr"])
+def test_what_moves_becomes_one_target_soon_and_with_a_tight_box(method):
+    scene, frames = frames_of("ball", 0.7, method)
+    tracker = tracker_of(scene, method)
+    first = None
+    for frame in frames:
+        for report in tracker.update(frame.stamp_ns, frame.data):
+            first = first or (seconds(frame.stamp_ns), report)
+    assert list(tracker.targets) == ["auto_1"]
+    assert first[0] < 0.3
+    assert first[1].state is TargetState.TRACKING
+    assert overlap(first[1].box, scene.box("ball_1", first[0])) > 0.7
+
+
+def test_what_is_a_target_already_is_not_started_again(ball):
+    scene, frames = ball
+    tracker = tracker_of(scene)
+    tracker.start("mine", scene.box("ball_1", 0.05), START_NS + 50_000_000)
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert list(tracker.targets) == ["mine"]
+
+
+def test_no_more_targets_start_by_themselves_than_are_allowed():
+    scene, frames = frames_of("crowd", 0.25)
+    tracker = tracker_of(scene, max_targets=3)
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert list(tracker.targets) == ["auto_1", "auto_2", "auto_3"]
+
+
+def test_a_target_that_has_left_is_dropped():
+    scene, frames = frames_of("exit", 1.9)
+    tracker = tracker_of(scene, gone_s=0.1)
+    had = set()
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+        had |= set(tracker.targets)
+    stamp_ns = frames[-1].stamp_ns
+    for step in range(1, 40):
+        tracker.update(stamp_ns + step * 20_000_000, np.zeros_like(frames[0].data))
+    assert had
+    assert not tracker.targets
+
+
+def test_what_started_by_itself_is_forgotten_when_time_goes_back(ball):
+    scene, frames = ball
+    tracker = tracker_of(scene)
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert tracker.targets
+    assert tracker.update(frames[0].stamp_ns, frames[0].data) == ()
+    assert not tracker.targets
+
+
+def test_noise_starts_nothing():
+    tracker = make_tracker("etd-plus", 120, 90, Settings(), auto=True)
+    rng = np.random.default_rng(5)
+    for step in range(60):
+        levels = rng.integers(1, 256, (90, 120, 2)) * (rng.random((90, 120, 2)) < 0.01)
+        assert tracker.update((step + 1) * 20_000_000, levels.astype(np.uint8)) == ()
+
+
+def test_a_panning_camera_starts_nothing_but_what_moves_otherwise():
+    scene, frames = frames_of("exit-pan", 0.8)
+    tracker = tracker_of(scene)
+    started = {}
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+        for name, target in tracker.targets.items():
+            started.setdefault(name, (seconds(frame.stamp_ns), target.start_box))
+    assert started
+    for time_s, box in started.values():
+        assert max(overlap(box, scene.box(name, time_s)) for name in scene.targets) > 0.4
+
+
+def test_a_textured_picture_that_moves_as_a_whole_starts_nothing():
+    texture = np.random.default_rng(1).random((120, 160)) < 0.05
+    tracker = make_tracker("etd-plus", 160, 120, Settings(), auto=True)
+    for step in range(60):
+        moved = np.roll(texture, step, axis=1)
+        frame = np.repeat(moved[:, :, None], 2, axis=2).astype(np.uint8) * 255
+        tracker.update((step + 1) * 10_000_000, frame)
+        assert not tracker.targets
+
+
+@pytest.mark.parametrize("method", ["etd-plus", "etd-nr"])
+@pytest.mark.parametrize("off", [(0.0, 0.0), (0.3, -0.2)])
+def test_the_object_round_a_click_is_tracked(method, off):
+    scene, frames = frames_of("ball", 0.6, method)
+    tracker = clicking_tracker(scene, method)
+    box = scene.box("ball_1", 0.3)
+    x, y = box.center
+    tracker.click(Click("mine", x + off[0] * box.w, y + off[1] * box.h, START_NS + 300_000_000))
+    first = None
+    for frame in frames:
+        for report in tracker.update(frame.stamp_ns, frame.data):
+            first = first or (seconds(frame.stamp_ns), report)
+    assert list(tracker.targets) == ["mine"]
+    assert 0.3 <= first[0] < 0.5
+    assert overlap(first[1].box, scene.box("ball_1", first[0])) > 0.5
+    assert tracker.take_notices() == []
+
+
+def test_a_click_on_a_tracked_target_does_nothing_but_say_so(ball):
+    scene, frames = ball
+    tracker = clicking_tracker(scene)
+    tracker.start("mine", scene.box("ball_1", 0.05), START_NS + 50_000_000)
+    tracker.click(Click("again", *scene.box("ball_1", 0.4).center, START_NS + 400_000_000))
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert list(tracker.targets) == ["mine"]
+    [notice] = tracker.take_notices()
+    assert notice.endswith("is on target 'mine', which is tracked already")
+    assert tracker.take_notices() == []
+
+
+def test_a_click_where_nothing_moves_says_so_after_its_wait(ball):
+    scene, frames = ball
+    tracker = clicking_tracker(scene, click_wait_s=0.2)
+    tracker.click(Click("nothing", 235, 170, START_NS + 100_000_000))
+    said = {}
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+        for notice in tracker.take_notices():
+            said[notice] = seconds(frame.stamp_ns)
+    assert not tracker.targets
+    [(notice, at_s)] = said.items()
+    assert "'nothing' at (235, 170): nothing has moved there" in notice
+    assert 0.29 < at_s < 0.4
+
+
+def test_a_click_that_waits_can_be_taken_back(ball):
+    scene, frames = ball
+    tracker = clicking_tracker(scene)
+    tracker.click(Click("mine", *scene.box("ball_1", 0.3).center, START_NS + 300_000_000))
+    assert tracker.waiting_clicks == ["mine"]
+    tracker.stop("mine")
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert not tracker.targets
+
+
+@pytest.mark.parametrize(
+    "click",
+    [Click("a", -1, 5), Click("a", 5, 180), Click("a", float("nan"), 5), Click("a", 5, 5, -1), Click("a,b", 5, 5)],
+)
+def test_a_click_off_the_sensor_or_with_an_unusable_name_or_stamp_is_refused(ball, click):
+    with pytest.raises(TrackingError):
+        clicking_tracker(ball[0]).click(click)
+
+
+def test_a_tracker_without_a_starter_takes_no_clicks():
+    with pytest.raises(TrackingError, match="starts no targets by clicks"):
+        make_tracker("etd-nr", 20, 20, Settings()).click(Click("a", 1, 1))
