@@ -3,7 +3,16 @@
 import pytest
 
 from etd_ros.boxes import Box
-from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
+from etd_ros.targets import (
+    TargetError,
+    TargetStart,
+    check_start,
+    parse_click,
+    parse_target,
+    targets_from_file,
+    unique_targets,
+)
+from etd_ros.tracking import Click
 
 
 def test_a_target_is_read_from_text():
@@ -35,3 +44,24 @@ def test_a_start_long_before_the_first_event_is_refused_and_a_little_before_is_n
     target.check_start(1_050_000_000)
     with pytest.raises(TargetError, match="before the first event"):
         target.check_start(1_200_000_000)
+
+
+def test_a_click_is_read_from_text():
+    assert parse_click("my ball:1,2.5@17") == Click("my ball", 1, 2.5, 17)
+    assert parse_click("a:b:1,2") == Click("a:b", 1, 2, 0)
+
+
+@pytest.mark.parametrize("text", ["ball", "ball:1", "ball:1,2,3,4", "ball:1,x", "ball:1,2@soon", ":1,2", "b:1,2@-5"])
+def test_text_that_is_no_click_is_refused(text):
+    with pytest.raises(TargetError, match="NAME:X,Y"):
+        parse_click(text)
+
+
+def test_a_click_long_before_the_first_event_is_refused():
+    with pytest.raises(TargetError, match="'a' starts at"):
+        check_start(Click("a", 1, 2, 1_000_000_000), 1_200_000_000)
+
+
+def test_a_click_may_not_have_a_targets_name():
+    with pytest.raises(TargetError, match="'a' is given twice"):
+        unique_targets([parse_target("a:1,2,3,4"), parse_click("a:5,6")])

@@ -204,3 +204,32 @@ def test_only_the_results_are_left_behind(tmp_path):
 def test_tracking_is_reproducible(tmp_path):
     first, again = (tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--target", "b:30,9,9,9") for _ in range(2))
     assert first == again
+
+
+def test_moving_objects_are_tracked_without_any_target_given(repository, tmp_path):
+    output = tmp_path / "tracks.csv"
+    assert main(["track", str(repository / "bags" / "demo"), "--auto", "--output", str(output)]) == 0
+    truth = read_boxes(repository / "bags" / "demo" / "boxes.csv")
+    tracks = read_tracks(output)
+    assert tracks
+    assert set(tracks) == {f"auto_{number}" for number in range(1, len(tracks) + 1)}
+    found = {
+        name
+        for name, labels in truth.items()
+        for rows in tracks.values()
+        if score({name: rows}, {name: labels})[name].ar > 0.3
+    }
+    assert found
+
+
+def test_a_click_is_tracked_and_one_in_vain_is_told(repository, tmp_path, capsys):
+    output = tmp_path / "tracks.csv"
+    demo = repository / "bags" / "demo"
+    label = read_boxes(demo / "boxes.csv")["ball"][10]
+    x, y = label.box.center
+    clicks = ["--click", f"ball:{x},{y}@{label.stamp_ns}", "--click", f"nothing:1,1@{label.stamp_ns}"]
+    wait = ["--set", "discovery.click_wait_s=0.2"]
+    assert main(["track", str(demo), *clicks, *wait, "--output", str(output)]) == 0
+    assert set(read_tracks(output)) == {"ball"}
+    assert read_tracks(output)["ball"][0].stamp_ns > label.stamp_ns
+    assert "'nothing' at (1, 1): nothing has moved there" in capsys.readouterr().err

@@ -1,10 +1,14 @@
-"""Targets that cannot be started are counted, and the others are tracked."""
+"""Targets that cannot be started are counted, and the others are tracked; clicks, what moves, and stopping."""
 
 import pytest
+from geometry_msgs.msg import PointStamped
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
-from msg_adapters import decode_detections
+from etd_ros.boxes import Box
+from etd_ros.evaluation import read_boxes
+from etd_ros.nodes.base import FRAME_QOS
+from msg_adapters import Detection, PointMessage, decode_detections, encode_detections, encode_point
 
 
 def test_targets_off_the_sensor_or_too_early_are_counted_and_the_others_are_tracked(bench, repository):
@@ -34,3 +38,36 @@ def test_a_node_that_tracks_can_be_reset(bench, name):
     bench.wait_until(answer.done, "the service answers")
     assert answer.result().success
     assert bench.end(name) == 0
+
+
+def detections_of(bench) -> set[str]:
+    """The ids in the newest message of the pipeline."""
+    messages = bench.messages["/pipeline/detections"]
+    return {item.id for item in decode_detections(messages[-1]).detections} if messages else set()
+
+
+def test_what_moves_is_tracked_without_any_target_given_until_it_is_stopped(bench, repository):
+    bench.listen("/pipeline/detections", Detection2DArray)
+    bench.start("pipeline", ros=("-r", "~/events:=/event_camera/events", "-p", "auto:=true"))
+    targets = bench.node.create_publisher(Detection2DArray, "/pipeline/targets", FRAME_QOS)
+    bench.start("replay", str(repository / "bags" / "demo"), "--rate", "0.5")
+    bench.wait_until(lambda: "auto_1" in detections_of(bench), "a moving object is tracked")
+    stop = encode_detections([Detection("auto_1", Box(0, 0, 0, 0), 1.0, "")], stamp_ns=0, frame_id="")
+    targets.publish(stop)
+    bench.wait_until(lambda: "auto_1" not in detections_of(bench), "it is stopped")
+    assert bench.figure("pipeline", "errors") in ("", "0")
+
+
+def test_a_click_starts_what_moves_there_and_one_beside_the_sensor_is_counted(bench, repository):
+    bench.listen("/pipeline/detections", Detection2DArray)
+    bench.start("pipeline", ros=("-r", "~/events:=/event_camera/events"))
+    points = bench.node.create_publisher(PointStamped, "/pipeline/clicked_point", FRAME_QOS)
+    bench.start("replay", str(repository / "bags" / "demo"), "--rate", "0.3")
+    bench.wait_until(lambda: bool(bench.messages["/pipeline/detections"]), "frames come")
+    points.publish(encode_point(PointMessage(0, "", 9000, 10)))
+    bench.wait_until(lambda: bench.figure("pipeline", "errors") == "1", "the click off the sensor is counted")
+    stamp_ns = decode_detections(bench.messages["/pipeline/detections"][-1]).stamp_ns
+    rows = read_boxes(repository / "bags" / "demo" / "boxes.csv")["ball"]
+    box = min(rows, key=lambda row: abs(row.stamp_ns - stamp_ns)).box
+    points.publish(encode_point(PointMessage(0, "", *box.center)))
+    bench.wait_until(lambda: detections_of(bench) == {"point_2"}, "what was clicked is tracked")
