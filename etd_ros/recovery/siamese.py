@@ -238,7 +238,7 @@ class SiameseRecovery:
 
     def _likeliest(self, answers: Answers, crop: Crop, image: GreyImage) -> Candidate | None:
         count = len(self._templates)
-        # The view that knows it best decides: a target that has turned looks like one of its views, not like their mean.
+        # The view that knows it best decides: a target that has turned looks like one of them, not like their mean.
         likeness = answers.scores[:count].max(0)
         if self._distractors:
             likeness = likeness - self._config.distractor_weight * answers.scores[count:].mean(0)
