@@ -83,12 +83,13 @@ class ContourTarget:
         self._confidence: float
         self._answer: Future[Found | None] | None
         self._candidate: Look | None
+        self._held: Box | None
         self._wait_for_start()
 
     @property
     def state(self) -> TargetState:
         """Where the target stands."""
-        return self._state
+        return self._state if self._held is None else TargetState.TRACKING
 
     @property
     def last_box(self) -> Box:
@@ -117,11 +118,10 @@ class ContourTarget:
         elif due:
             self._follow(stamp_ns)
         if self._state is not TargetState.TRACKING:
-            return TargetReport(self.name, self._state, None, 0.0)
+            return TargetReport(self.name, self.state, self._held, 0.0)
         self._remember(stamp_ns, image)
-        return TargetReport(
-            self.name, self._state, self._contours.box_at(*self._contours.predicted(stamp_ns)), self._confidence
-        )
+        box = self._contours.box_at(*self._contours.predicted(stamp_ns))
+        return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
 
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""
@@ -147,6 +147,7 @@ class ContourTarget:
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
         self._is_at_failure = False
+        self._held = None
         self._candidate = None
         self._candidates = 0
 
@@ -192,16 +193,19 @@ class ContourTarget:
         return 1.0 if self._usual is None else float((_evidence(look) / self._usual).min())
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
-        """A target that was slowing down stands still now; one that was not has vanished behind something like it."""
+        """A target that was slowing down stands still now; one that was not may have vanished behind something, or have
+        stopped: it keeps its box, and is looked for there and where its motion would bring it."""
         contours = self._contours
-        if contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
-            self._doubt(elapsed_s)
-            contours.follow(self._surface, *contours.predicted(stamp_ns), 0.0)
-        else:
-            contours.velocity *= np.exp(-elapsed_s / STILL_S)
-            contours.stamp_ns = stamp_ns
         if self._is_leaving():
             self._quiet_s += elapsed_s
+        elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
+            self._failing_s = 0.0
+            self._doubt(0.0)
+            self._fail(stamp_ns)
+            self._held = contours.box
+            return
+        contours.velocity *= np.exp(-elapsed_s / STILL_S)
+        contours.stamp_ns = stamp_ns
         if self._quiet_s > LEAVING_S or self._has_failed():
             self._fail(stamp_ns)
 
@@ -242,7 +246,7 @@ class ContourTarget:
     def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:
         """Search for the contours in a growing region, and the images now and then."""
         since_s = (stamp_ns - self._failed_at_ns) * 1e-9
-        if self._state is TargetState.RECOVERING and since_s > self._config.recovering_max_s:
+        if self._state is TargetState.RECOVERING and since_s > self._config.recovering_max_s and self._held is None:
             self._state = TargetState.LOST
         self._coast(stamp_ns, since_s)
         answer = self._answer_from_images(stamp_ns, image)
@@ -253,6 +257,7 @@ class ContourTarget:
         elif not self._contours_found(since_s):
             return
         self._state = TargetState.TRACKING
+        self._held = None
         self._failing_s = self._quiet_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score
 
@@ -295,7 +300,7 @@ class ContourTarget:
     def _answer_from_images(self, stamp_ns: int, image: FrameData | None) -> Found | None:
         """Have the recovery tracker search this image beside the frames to come; its answer to the last one."""
         due = stamp_ns - self._searched_at_ns >= IMAGE_SEARCH_NS[self._state]
-        if self._recovery is None or image is None or not due:
+        if self._recovery is None or image is None or not due or self._held is not None:
             return None
         answer = self._answer.result() if self._answer is not None else None
         self._searched_at_ns = stamp_ns

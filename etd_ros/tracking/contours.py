@@ -49,7 +49,7 @@ VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
 BIAS_PX = 4.0
 """The direction so far counts like this much motion when the polarity of a place is predicted."""
-NEW_RATE = 0.2
+NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
 SPEED_MIN_PX_S = 5.0

@@ -1,0 +1,149 @@
+"""Targets of `etd-plus` on simulated sequences: moving, standing still, turning back, hidden, leaving."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from etd_ros.boxes import Box, iou
+from etd_ros.engine import FrameSource
+from etd_ros.events import concatenate
+from etd_ros.settings import Settings
+from etd_ros.simulation import Path, Recipe, Scene, Sprite, Waypoint, make_scene, simulate
+from etd_ros.simulation.sensor import SensorConfig
+from etd_ros.simulation.textures import checks, smooth_noise
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+
+START_NS = 1_000_000_000
+WIDTH, HEIGHT = 240, 180
+SIZE = 36
+
+
+def scene_of(*waypoints, duration_s=1.0, cover=()):
+    """A checked square on a way before a smooth wall; covers pass in front of it."""
+    rng = np.random.default_rng(5)
+    wall = 0.5 + 0.05 * smooth_noise(rng, HEIGHT, WIDTH)
+    thing = Sprite("thing", checks(rng, SIZE, SIZE, cell=9), np.ones((SIZE, SIZE)), Path(waypoints))
+    return Scene(WIDTH, HEIGHT, duration_s, wall, (thing, *cover))
+
+
+def frames_of(scene, *, noise_rate_hz=1000.0):
+    events = concatenate(
+        list(simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=noise_rate_hz)))
+    )
+    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
+
+
+def tracked(scene, box=None, *, start_s=0.0, config=None):
+    """(seconds, report, truth) of each frame from the start on."""
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig())
+    tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9))
+    found = []
+    for frame in frames_of(scene):
+        (report,) = tracker.update(frame.stamp_ns, frame.data)
+        time_s = (frame.stamp_ns - START_NS) * 1e-9
+        if report.state is not TargetState.IDLE:
+            found.append((time_s, report, scene.box("thing", time_s)))
+    return found
+
+
+def overlap(report, truth):
+    return 0.0 if report.box is None else float(iou(np.array([report.box]), truth)[0])
+
+
+def test_a_target_is_followed_from_the_start():
+    found = tracked(scene_of(Waypoint(0, 50, 60), Waypoint(1, 190, 120)))
+    assert min(overlap(report, truth) for _, report, truth in found) > 0.75
+    assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.85
+    assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
+
+
+def test_a_target_that_turns_back_is_followed():
+    found = tracked(
+        scene_of(Waypoint(0, 60, 90), Waypoint(0.5, 140, 90), Waypoint(1, 60, 90), duration_s=1.0),
+    )
+    assert min(overlap(report, truth) for _, report, truth in found) > 0.7
+
+
+def test_a_target_that_stands_still_keeps_its_box_and_state():
+    ways = [Waypoint(t, 60 + 100 * min(t, 0.4), 90) for t in np.arange(0, 1.01, 0.05)]
+    found = tracked(scene_of(*ways))
+    time_s, report, truth = found[-1]
+    assert time_s > 0.9
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, truth) > 0.85
+
+
+def test_a_target_that_shrinks_and_grows_keeps_a_fitting_box():
+    found = tracked(
+        scene_of(Waypoint(0, 60, 60, 1.0), Waypoint(1, 160, 100, 0.7), Waypoint(2, 80, 100, 1.2), duration_s=2.0)
+    )
+    assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.8
+
+
+def pillar(x):
+    return Sprite(
+        "pillar", np.full((HEIGHT, 60), 0.5), np.ones((HEIGHT, 60)), Path([Waypoint(0, x, HEIGHT / 2)]), is_target=False
+    )
+
+
+def test_a_target_that_passes_behind_a_pillar_is_found_again_with_its_name():
+    scene = scene_of(Waypoint(0, 30, 90), Waypoint(1.2, 210, 90), duration_s=1.2, cover=(pillar(125),))
+    found = tracked(scene)
+    hidden = [time_s for time_s, _, _ in found if scene.visible_share("thing", time_s) < 0.1]
+    after = [(report, truth) for time_s, report, truth in found if time_s > max(hidden) + 0.25]
+    assert hidden
+    assert after
+    assert all(overlap(report, truth) > 0.5 for report, truth in after)
+
+
+def test_a_target_that_leaves_is_lost_within_a_fifth_of_a_second():
+    scene = scene_of(Waypoint(0, 140, 90), Waypoint(1.0, 340, 90), duration_s=1.4)
+    found = tracked(scene)
+    gone_s = next(time_s for time_s in np.arange(0, 1.4, 0.005) if scene.box("thing", time_s).x >= WIDTH)
+    assert all(report.box is None for time_s, report, _ in found if time_s > gone_s + 0.2)
+    assert found[-1][1].state in (TargetState.LOST, TargetState.RECOVERING)
+
+
+def test_a_target_starts_where_it_was_at_its_stamp_not_where_the_first_frame_finds_it():
+    scene = scene_of(Waypoint(0, 40, 60), Waypoint(0.5, 200, 60), duration_s=0.5)
+    found = tracked(scene, start_s=0.1)
+    assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.88
+
+
+def test_time_that_goes_back_starts_the_target_again():
+    scene = scene_of(Waypoint(0, 50, 60), Waypoint(1, 190, 120))
+    frames = frames_of(scene)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene.box("thing", 0.1), START_NS + 100_000_000)
+    rounds = [[tracker.update(frame.stamp_ns, frame.data) for frame in frames] for _ in range(2)]
+    assert rounds[0][-1][0].box == rounds[1][-1][0].box
+    assert rounds[1][0][0].state is TargetState.IDLE
+
+
+def test_targets_do_not_influence_one_another():
+    scene = make_scene(Recipe(("ball", "dartboard"), "wall", targets=2), WIDTH, HEIGHT, np.random.default_rng(3))
+    frames = frames_of(scene)
+    boxes = {name: scene.box(name, 0.0) for name in scene.targets}
+
+    def run(names):
+        tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+        for name in names:
+            tracker.start(name, boxes[name])
+        return [{report.name: report for report in tracker.update(frame.stamp_ns, frame.data)} for frame in frames]
+
+    together, alone = run(scene.targets), {name: run([name]) for name in scene.targets}
+    for index, reports in enumerate(together):
+        assert reports == {name: alone[name][index][name] for name in scene.targets}
+
+
+@pytest.mark.parametrize("noise_rate_hz", [100.0, 50_000.0])
+def test_an_empty_or_noisy_scene_does_no_harm(noise_rate_hz):
+    scene = replace(scene_of(Waypoint(0, 60, 90)), duration_s=0.3)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("nothing", Box(100, 100, 20, 20))
+    for frame in frames_of(scene, noise_rate_hz=noise_rate_hz):
+        (report,) = tracker.update(frame.stamp_ns, frame.data)
+        assert report.box is None or np.isfinite(report.box).all()
