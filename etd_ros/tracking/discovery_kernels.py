@@ -286,7 +286,8 @@ def read_evidence(points: Float32Array, velocity_x: float, velocity_y: float, ow
     evidence[:] = 0
     for index in range(len(points)):
         age = points[index, AGE]
-        x, y = points[index, X] + velocity_x * age, points[index, Y] + velocity_y * age
+        # As the places are kept: a sum just inside of the picture may be rounded to its border.
+        x, y = np.float32(points[index, X] + velocity_x * age), np.float32(points[index, Y] + velocity_y * age)
         other_column, other_row = int(points[index, X] + other_x * age), int(points[index, Y] + other_y * age)
         places[index, 0], places[index, 1], places[index, 2] = -1, -1, 0
         if x < 0 or y < 0 or x >= columns or y >= rows:

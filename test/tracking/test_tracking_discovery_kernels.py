@@ -140,3 +140,12 @@ def test_evidence_is_positive_for_points_of_their_own_motion_and_negative_for_th
     assert places[:30, 2].min() > 0
     assert places[30:, 2].max() < 0
     assert np.isclose(evidence.sum(), places[:, 2].sum(), rtol=1e-4)
+
+
+def test_a_point_that_is_rounded_to_the_border_of_the_picture_is_outside():
+    points = np.array([[39.5, 20.5, 0.05]], np.float32)
+    velocity = (0.5 - 1e-9) / float(points[0, 2])
+    pictures = [np.zeros((40, 40), np.float32) for _ in range(3)]
+    places = np.zeros((1, 3), np.float32)
+    read_evidence(points, velocity, 0.0, pictures[0], 0.0, 0.0, pictures[1], 0.3, pictures[2], places)
+    assert places.tolist() == [[-1, -1, 0]]
