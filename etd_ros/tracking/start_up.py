@@ -15,7 +15,7 @@ TIME_MAX_S = 0.5
 FIRST_STEPS_PX = ((1.0, 2), (0.5, 1), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
-CHANGE_WEIGHT = 0.01
+CHANGE_WEIGHT = 0.001
 """How much contrast a pixel of change (squared) has to bring."""
 LOOKS_KNOWN = 10
 
