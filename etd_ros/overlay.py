@@ -269,7 +269,8 @@ def _draw_trail(panel: Picture, trail: npt.NDArray[np.float64], box: Box | None,
         cv2.line(strength, start, end, round(255 * float(freshness)), TRAIL_THICKNESS)
     if box is not None:
         corners = np.array(_corners(panel, box, scale)) - first
-        cv2.rectangle(strength, *corners.tolist(), 0, cv2.FILLED)
+        first_corner, last_corner = corners.tolist()
+        cv2.rectangle(strength, first_corner, last_corner, 0, cv2.FILLED)
     _blend(part, strength, colour)
 
 

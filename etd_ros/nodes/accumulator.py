@@ -24,7 +24,9 @@ STAGES = ("stream", "noise_filter", "atsltd", "fixed_window", "fixed_count")
 class AccumulatorOptions(NodeOptions):
     """Parameters of the accumulator."""
 
-    conversion: str = parameter("atsltd_fine", "how events become frames: atsltd_fine for etd-plus", choices=CONVERSIONS)
+    conversion: str = parameter(
+        "atsltd_fine", "how events become frames: atsltd_fine for etd-plus", choices=CONVERSIONS
+    )
 
 
 class Accumulator(EtdNode):

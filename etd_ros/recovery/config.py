@@ -16,7 +16,7 @@ class RecoveryConfig(Parameters):
     """Parameters of the recovery of lost targets."""
 
     tracker: str = parameter(
-        "csrt",
+        AUTO,
         "what finds a lost target: a Siamese network (compact, or siamrpn with a DaSiamRPN file), or correlation put "
         "right by an OpenCV tracker (nano, vit and dasiamrpn need model files); auto is compact where torch and "
         "safetensors are installed, else csrt",

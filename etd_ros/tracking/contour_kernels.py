@@ -28,8 +28,9 @@ CLIMBS = 3
 """The place found with the nearest cells may be a step off; so often it is moved to a better neighbour."""
 POINTS_SEARCHED = 300
 """About so many points are enough to find the place; all of them put it right."""
-CROWDING_POWER = 0.7
-"""Of the number of points that the contrast is divided by."""
+CROWDING_POWER = 1.4
+"""Of the number of points that the contrast is divided by: with less motions towards busy places win, with more those
+away from them."""
 PRIOR_WEIGHT = 0.05
 """How much of the best score a place at the edge of the search gives away to one in its middle."""
 
@@ -291,8 +292,8 @@ def blur(drawn: Float32Array, room: Float32Array) -> None:
 @njit(cache=True, nogil=True, fastmath=True)
 def contrast(points: Float32Array, count: int, weight: Float32Array, pose: Float64Array, cell_px: float,
              velocity: Float64Array, drawn: Float32Array, room: Float32Array) -> float:  # fmt: skip
-    """How sharp the points are when moved back to where they began (Gallego et al. 2018): the sum of the squares of what
-    they draw, over a power of their number. By the sum alone a motion towards busy places would win, and over the
+    """How sharp the points are when moved back to where they began (Gallego et al. 2018): the sum of the squares of
+    what they draw, over a power of their number. By the sum alone a motion towards busy places would win, and over the
     square of the number one away from them.
 
     On and Off that fall together count half: flicker and noise are sharp for no motion.
@@ -313,7 +314,7 @@ def contrast(points: Float32Array, count: int, weight: Float32Array, pose: Float
             weight_here = weight[row, column]
             on, off = drawn[0, row, column] * weight_here, drawn[1, row, column] * weight_here
             energy += on * on + off * off - on * off
-    return energy / (inside + SUPPORT_FLOOR) ** CROWDING_POWER
+    return float(energy / (inside + SUPPORT_FLOOR) ** CROWDING_POWER)
 
 
 @njit(cache=True, nogil=True, fastmath=True)

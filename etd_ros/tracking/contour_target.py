@@ -109,6 +109,7 @@ class ContourTarget:
                 return TargetReport(self.name, self._state, None, 0.0)
             self._state = TargetState.TRACKING
             self._contours.stamp_ns = self.start_stamp_ns or stamp_ns
+            self._start_up = StartUp(self._contours)
         due = self._contours.take(self._surface)
         if self._state is not TargetState.TRACKING:
             self._look_for_it(stamp_ns, image)

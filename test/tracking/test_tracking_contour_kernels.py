@@ -90,7 +90,7 @@ def test_a_drawn_point_weighs_one_in_all_round_its_place(x, y, scale, angle):
     if inside:
         turned = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]) @ [x - 30, y - 40] / scale
         columns, rows = drawn[0].sum(axis=0) @ np.arange(COLUMNS), drawn[0].sum(axis=1) @ np.arange(ROWS)
-        np.testing.assert_allclose([columns, rows], turned + [(COLUMNS - 1) / 2, (ROWS - 1) / 2], atol=1e-3)
+        np.testing.assert_allclose([columns, rows], turned + np.array([COLUMNS - 1, ROWS - 1]) / 2, atol=1e-3)
 
 
 def test_smoothing_is_a_gaussian_of_one_cell_inside():

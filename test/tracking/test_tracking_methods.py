@@ -9,7 +9,12 @@ from etd_ros.tracking import METHODS, TrackingError, method_named
 
 @pytest.mark.parametrize(
     ("name", "conversion", "recovers"),
-    [("etd-plus", "atsltd_fine", True), ("etd", "atsltd", True), ("etd-nr", "atsltd", False), ("etd-ftw", "fixed_window", True)],
+    [
+        ("etd-plus", "atsltd_fine", True),
+        ("etd", "atsltd", True),
+        ("etd-nr", "atsltd", False),
+        ("etd-ftw", "fixed_window", True),
+    ],
 )
 def test_the_papers_variants(name, conversion, recovers):
     method = method_named(name)
