@@ -43,6 +43,7 @@ setup(
         "bench": BENCHMARK_PEERS,
         "plot": ["matplotlib>=3.6"],
         "recovery": ["torch>=2.2", "safetensors>=0.4"],
+        "simulate": ["scikit-image>=0.22"],
         "test": TEST_REQUIREMENTS,
     },
     tests_require=TEST_REQUIREMENTS,

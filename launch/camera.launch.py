@@ -18,6 +18,7 @@ ARGUMENTS = {
     "method": ("etd-plus", "tracking method"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H, separated by ';'"),
+    "auto": ("false", "moving objects become targets auto_1, auto_2, ... by themselves"),
     "use_sim_time": ("false", "follow /clock"),
 }
 
@@ -28,8 +29,11 @@ def generate_launch_description() -> LaunchDescription:
     use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     common = [LaunchConfiguration("params_file"), {"use_sim_time": use_sim_time}]
     tracking = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=str)
-        for name in ("method", "targets_file", "targets")
+        "auto": ParameterValue(LaunchConfiguration("auto"), value_type=bool),
+        **{
+            name: ParameterValue(LaunchConfiguration(name), value_type=str)
+            for name in ("method", "targets_file", "targets")
+        },
     }
     conversion = PythonExpression(
         ["{'etd-plus': 'atsltd_fine', 'etd-ftw': 'fixed_window'}.get('", LaunchConfiguration("method"), "', 'atsltd')"]

@@ -18,6 +18,7 @@ ARGUMENTS = {
     "method": ("etd-plus", "tracking method"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H, separated by ';'"),
+    "auto": ("false", "moving objects become targets auto_1, auto_2, ... by themselves"),
     "use_sim_time": ("false", "follow /clock"),
 }
 
@@ -25,7 +26,7 @@ ARGUMENTS = {
 def generate_launch_description() -> LaunchDescription:
     """One process from events to boxes."""
     parameters = {
-        "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
+        **{name: ParameterValue(LaunchConfiguration(name), value_type=bool) for name in ("use_sim_time", "auto")},
         **{
             name: ParameterValue(LaunchConfiguration(name), value_type=str)
             for name in ("method", "targets_file", "targets")

@@ -15,6 +15,7 @@ ARGUMENTS = {
     "camera": ("event_camera", "namespace of the recorded event topic"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H@STAMP_NS, separated by ';'"),
+    "auto": ("false", "moving objects become targets auto_1, auto_2, ... by themselves"),
     "method": ("etd-plus", "tracking method"),
 }
 
@@ -25,7 +26,7 @@ def generate_launch_description() -> LaunchDescription:
         PathJoinSubstitution([FindPackageShare("etd_ros"), "launch", "camera.launch.py"]),
         launch_arguments={
             "use_sim_time": "true",
-            **{name: LaunchConfiguration(name) for name in ("camera", "targets_file", "targets", "method")},
+            **{name: LaunchConfiguration(name) for name in ("camera", "targets_file", "targets", "auto", "method")},
         }.items(),
     )
     replay = Node(

@@ -44,18 +44,30 @@ NAMES = {
 
 
 @pytest.fixture
-def nodes(monkeypatch, repository):
-    """A launch file's nodes by executable."""
+def described(monkeypatch, repository):
+    """All that a launch file describes."""
     for name, members in NAMES.items():
         module = ModuleType(name)
         vars(module).update(members)
         monkeypatch.setitem(sys.modules, name, module)
 
-    def load(file: str) -> dict[str, dict]:
-        described: list = []
-        sys.modules["launch"].LaunchDescription = described.extend
+    def load(file: str) -> list[Thing]:
+        things: list[Thing] = []
+        sys.modules["launch"].LaunchDescription = things.extend
         runpy.run_path(str(repository / "launch" / file))["generate_launch_description"]()
-        return {thing.options["executable"]: thing.options for thing in described if "executable" in thing.options}
+        return things
+
+    return load
+
+
+@pytest.fixture
+def nodes(described):
+    """A launch file's nodes by executable."""
+
+    def load(file: str) -> dict[str, dict]:
+        return {
+            thing.options["executable"]: thing.options for thing in described(file) if "executable" in thing.options
+        }
 
     return load
 
@@ -68,3 +80,29 @@ def test_the_launched_nodes_fit_the_method(nodes, method):
     # The reconstruction reads events only for a tracker that recovers: a replay must not wait for it else.
     readers = nodes("replay.launch.py")["replay"]["arguments"][-1]
     assert readers.value(method=method.name) == ("2" if method.recovers else "1")
+
+
+LAUNCH_FILES = ("camera.launch.py", "pipeline.launch.py", "replay.launch.py")
+
+
+@pytest.mark.parametrize("file", LAUNCH_FILES)
+def test_nothing_is_tracked_by_itself_unless_asked_for(described, file):
+    defaults = {
+        thing.arguments[0]: thing.options["default_value"]
+        for thing in described(file)
+        if "default_value" in thing.options
+    }
+    assert defaults["auto"] == "false"
+
+
+@pytest.mark.parametrize(("file", "node"), [("camera.launch.py", "tracker"), ("pipeline.launch.py", "pipeline")])
+def test_the_node_that_tracks_takes_auto_as_a_truth_value(nodes, file, node):
+    parameters = nodes(file)[node]["parameters"]
+    (auto,) = (value["auto"] for value in parameters if isinstance(value, dict) and "auto" in value)
+    assert auto.options == {"value_type": bool}
+    assert auto.arguments[0].arguments == ("auto",)
+
+
+def test_replay_hands_auto_on(described):
+    (included,) = (thing for thing in described("replay.launch.py") if "launch_arguments" in thing.options)
+    assert dict(included.options["launch_arguments"])["auto"].arguments == ("auto",)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
 PYTHON_MODULES = {"matplotlib", "numba", "numpy", "rich", "scipy"}
-WITHOUT_ROSDEP_KEY = {"aedat"}
+OPTIONAL = {"aedat": "aedat", "safetensors": "recovery", "torch": "recovery"}
+"""Imported only by what needs them: extras of setup.py name them, package.xml does not."""
 OWN = {"etd_ros", "msg_adapters"}
 
 
@@ -25,7 +26,7 @@ def imported_modules(folders: list[Path]) -> set[str]:
                 modules |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 modules.add(node.module.split(".")[0])
-    return modules - set(sys.stdlib_module_names) - OWN - WITHOUT_ROSDEP_KEY
+    return modules - set(sys.stdlib_module_names) - OWN - set(OPTIONAL)
 
 
 def test_package_xml_names_everything_that_the_code_imports(repository: Path) -> None:
@@ -33,6 +34,18 @@ def test_package_xml_names_everything_that_the_code_imports(repository: Path) ->
     declared = {element.text for tag in ("depend", "exec_depend") for element in root.findall(tag)}
     imported = imported_modules([repository / name for name in ("etd_ros", "msg_adapters", "launch")])
     assert {rosdep_key(module) for module in imported} <= declared
+
+
+def test_setup_py_has_an_extra_for_everything_that_is_optional(repository: Path) -> None:
+    tree = ast.parse((repository / "setup.py").read_text())
+    (extras,) = (
+        node.value for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "extras_require"
+    )
+    assert isinstance(extras, ast.Dict)
+    named = {ast.literal_eval(key): ast.unparse(value) for key, value in zip(extras.keys, extras.values, strict=True)}
+    # The photographs of scikit-image's wheel are read as files, without an import.
+    for package, extra in {**OPTIONAL, "scikit-image": "simulate"}.items():
+        assert f"'{package}>=" in named[extra], package
 
 
 def test_one_version_everywhere(repository: Path) -> None:
