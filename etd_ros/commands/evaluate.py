@@ -1,16 +1,20 @@
-"""`evaluate --suite`: how well a method tracks the targets of the simulated sequences."""
+"""`evaluate --suite`: how well a method tracks, or with `--start` finds, the targets of the simulated sequences."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from etd_ros.commands.track import read_settings
 from etd_ros.evaluation import EvaluationError
+from etd_ros.evaluation.starting import StartResult, evaluate_starts
+from etd_ros.evaluation.starting_summary import StartSummary, by_kind, summarise, write_summaries
 from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
 from etd_ros.output_files import check_outputs
+from etd_ros.settings import Settings
 from etd_ros.simulation import SUITE, random_sequence, sequence_named
 from etd_ros.simulation import Sequence as Simulated
 from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
@@ -21,6 +25,11 @@ HEADER = (
     f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
     f"{'recovered':>11}{'wrong':>7}"
 )
+START_HEADER = (
+    f"{'sequence':<30}{'targets':>8}{'0.3 s':>7}{'ever':>6}{'false/s':>9}{'parts/s':>9}{'twice':>7}"
+    f"{'clicks':>8}{'answered':>10}{'IoU':>6}{'middle':>8}{'beside':>8}{'ms':>6}"
+)
+NO_TARGET = "no target can be seen in any of the sequences: choose other ones"
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,11 +39,16 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     what.add_argument("--list", action="store_true", help="print the methods' names, one a line")
     what.add_argument("--suite", action="store_true", help="the fixed suite (see simulate --list)")
     what.add_argument("--random", type=int, metavar="N", help="N random sequences of the same families")
+    parser.add_argument(
+        "--start", action="store_true", help="score what starts by itself and at clicks instead of what is tracked"
+    )
     parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(METHODS)} (default: %(default)s)")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these sequences of the suite only")
     parser.add_argument("--seed", type=int, default=0, help="of the first random sequence (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
-    parser.add_argument("--write", type=Path, metavar="FILE.csv", help="also write a row for each target")
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE.csv", help="also write a row for each target (--start: sequence)"
+    )
     parser.add_argument(
         "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
     )
@@ -45,7 +59,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 
 def run(options: argparse.Namespace) -> int:
-    """Track, print a row for each sequence and the means; write the CSV.
+    """Track or start targets, print a row for each sequence and the means; write the CSV.
 
     Raises:
         EvaluationError: a number that is out of range, or no target in any sequence.
@@ -57,6 +71,11 @@ def run(options: argparse.Namespace) -> int:
     settings = read_settings(options.config, options.set)
     check_outputs(options.write)
     sequences = _sequences(options)
+    (_start if options.start else _track)(sequences, settings, options)
+    return 0
+
+
+def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
     results: list[TargetResult] = []
     print(HEADER)
     of_sequences = evaluate(sequences, method=options.method, settings=settings, jobs=options.jobs)
@@ -65,12 +84,24 @@ def run(options: argparse.Namespace) -> int:
         if found:
             print(_row(sequence.name, found), flush=True)
     if not results:
-        msg = "no target can be seen in any of the sequences: choose other ones"
-        raise EvaluationError(msg)
+        raise EvaluationError(NO_TARGET)
     print(_row("all", results))
     if options.write:
         write_results(options.write, results)
-    return 0
+
+
+def _start(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
+    results: list[StartResult] = []
+    print(START_HEADER)
+    for result in evaluate_starts(sequences, method=options.method, settings=settings, jobs=options.jobs):
+        results.append(result)
+        print(_start_row(summarise(result.sequence, [result])), flush=True)
+    if not any(result.delays_s for result in results):
+        raise EvaluationError(NO_TARGET)
+    for summary in by_kind(results):
+        print(_start_row(summary))
+    if options.write:
+        write_summaries(options.write, (summarise(result.sequence, [result]) for result in results))
 
 
 def _sequences(options: argparse.Namespace) -> list[Simulated]:
@@ -105,4 +136,16 @@ def _row(name: str, results: Sequence[TargetResult]) -> str:
     return (
         f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{left_s:>8}{false_share:>7}"
         f"{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
+    )
+
+
+def _start_row(summary: StartSummary) -> str:
+    def figure(value: float, width: int) -> str:
+        return f"{'-' if math.isnan(value) else f'{value:.2f}':>{width}}"
+
+    return (
+        f"{summary.name:<30}{summary.targets:>8}{figure(summary.soon, 7)}{figure(summary.ever, 6)}"
+        f"{figure(summary.false_per_s, 9)}{figure(summary.parts_per_s, 9)}{figure(summary.twice_share, 7)}"
+        f"{summary.clicks:>8}{figure(summary.answered, 10)}{figure(summary.click_iou, 6)}"
+        f"{figure(summary.click_middle, 8)}{figure(summary.click_beside, 8)}{figure(summary.frame_ms, 6)}"
     )

@@ -8,11 +8,12 @@ from __future__ import annotations
 import csv
 import multiprocessing
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from etd_ros.simulation import Sequence as Simulated
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import DEFAULT_METHOD, TargetState
+
+T = TypeVar("T")
 
 START_NS = 1_700_000_000_000_000_000
 NS_PER_S = 1_000_000_000
@@ -94,7 +97,11 @@ def evaluate(
         settings: of all stages.
         jobs: processes at work at once.
     """
-    one = partial(evaluate_sequence, method=method, settings=settings)
+    return of_each(partial(evaluate_sequence, method=method, settings=settings), sequences, jobs)
+
+
+def of_each(one: Callable[[Simulated], T], sequences: Iterable[Simulated], jobs: int) -> Iterator[T]:
+    """What `one` makes of each sequence, in order, as it comes, in `jobs` processes at once."""
     if jobs == 1:
         yield from map(one, sequences)
         return
