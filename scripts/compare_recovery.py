@@ -30,7 +30,7 @@ from etd_ros.recovery.training.comparison import (
     table,
 )
 from etd_ros.recovery.training.episodes import Episode, episodes
-from etd_ros.recovery.weights_file import save_compact
+from etd_ros.recovery.weights_file import SHIPPED, save_compact
 
 CHOOSING_SEED, REPORTING_SEED = 50_000, 60_000
 """The operating point is chosen on losses from the first seed on, its figures are those of others."""
@@ -46,11 +46,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=60, help="simulated sequences (default: %(default)s)")
     parser.add_argument("--trackers", default=f"{UNTRAINED},compact,csrt,kcf", help="default: %(default)s")
-    parser.add_argument("--weights", default="", help="of the compact network; default: those shipped")
+    parser.add_argument("--weights", default=str(SHIPPED), help="of the compact network; default: those shipped")
     parser.add_argument("--curve", type=Path, help="draw right against wrong recoveries over the thresholds (PNG)")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
     config = RecoveryConfig(compact_model=options.weights)
     if options.curve:
         draw_curve(options.curve, losses(options.seeds, CHOOSING_SEED), config)

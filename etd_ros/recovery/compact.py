@@ -12,7 +12,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-EXEMPLAR_SIDE = 64
+from etd_ros.recovery.matching import COMPACT_GEOMETRY
+
+EXEMPLAR_SIDE = COMPACT_GEOMETRY.exemplar_side
 INSTANCE_SIDE = 128
 STRIDE = 8
 KERNEL_CELLS = 6

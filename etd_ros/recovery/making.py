@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from etd_ros.recovery.config import AUTO, COMPACT, NETWORKS, SIAMRPN, RecoveryConfig
 from etd_ros.recovery.interface import RecoveryError, RecoveryTracker
+from etd_ros.recovery.matching import COMPACT_GEOMETRY, SIAMRPN_GEOMETRY, BackgroundMatcher, Matcher
 from etd_ros.recovery.opencv import OpenCvRecovery, tracker_maker
+from etd_ros.recovery.siamese import SiameseRecovery
 
 LIBRARIES = ("torch", "safetensors")
 FALLBACK = "csrt"
+GEOMETRIES = {COMPACT: COMPACT_GEOMETRY, SIAMRPN: SIAMRPN_GEOMETRY}
 _logger = logging.getLogger(__name__)
 _told: set[str] = set()
 
 
 def make_recovery(config: RecoveryConfig | None = None) -> Callable[[], RecoveryTracker]:
-    """What makes a recovery tracker for each target; everything that can fail is tried here.
+    """What makes a recovery tracker for each target; what a user can have got wrong is tried here.
 
     Raises:
         RecoveryError: a library is missing, this OpenCV lacks the tracker, or a model file is not named, not there, or
@@ -61,19 +65,48 @@ def missing_libraries() -> list[str]:
 
 
 def _siamese_maker(name: str, config: RecoveryConfig) -> Callable[[], RecoveryTracker]:
-    """A maker of trackers that share one network."""
-    # torch takes seconds to import and memory to keep: only who asks for a network gets it.
-    from etd_ros.recovery.matchers import CompactMatcher, Matcher, SiamRpnMatcher
-    from etd_ros.recovery.siamese import SiameseRecovery
-    from etd_ros.recovery.siamrpn import load_siamrpn
-    from etd_ros.recovery.weights_file import SHIPPED, load_compact
+    """A maker of trackers that share one network.
 
-    matcher: Matcher
-    if name == SIAMRPN:
-        if not config.siamrpn_model:
-            msg = f"recovery tracker {SIAMRPN!r} needs a model: set the parameter siamrpn_model to a DaSiamRPN file"
-            raise RecoveryError(msg)
-        matcher = SiamRpnMatcher(load_siamrpn(Path(config.siamrpn_model)))
-    else:
-        matcher = CompactMatcher(load_compact(Path(config.compact_model) if config.compact_model else SHIPPED))
+    Files that a user names are read before this returns. What ships is loaded beside the node's start, which does not
+    wait for torch: whoever searches first does, if it is not there yet.
+    """
+    if name == SIAMRPN and not config.siamrpn_model:
+        msg = f"recovery tracker {SIAMRPN!r} needs a model: set the parameter siamrpn_model to a DaSiamRPN file"
+        raise RecoveryError(msg)
+    file = config.siamrpn_model if name == SIAMRPN else config.compact_model
+    matcher = _network(name, file, Path(file).stat().st_mtime_ns if Path(file).is_file() else 0)
     return lambda: SiameseRecovery(matcher, config)
+
+
+@lru_cache(maxsize=len(NETWORKS))
+def _network(name: str, file: str, modified_ns: int) -> BackgroundMatcher:  # noqa: ARG001
+    """The network of a file, empty: the one that ships. A node that makes its trackers anew does not load it anew,
+    unless the file has been written again."""
+    matcher = BackgroundMatcher(GEOMETRIES[name], lambda: _load(name, file))
+    if file:
+        matcher.wait()
+    return matcher
+
+
+def _load(name: str, file: str) -> Matcher:
+    """In the network's own thread.
+
+    Raises:
+        RecoveryError: torch or safetensors are broken, or the file is not one of the network's weights.
+    """
+    try:
+        from etd_ros.recovery.matchers import CompactMatcher, SiamRpnMatcher, limit_threads
+        from etd_ros.recovery.siamrpn import load_siamrpn
+        from etd_ros.recovery.weights_file import SHIPPED, load_compact
+    # Libraries that torch loads are missing or damaged.
+    except (ImportError, OSError) as err:
+        reason = " ".join(str(err).split())[:120]
+        msg = (
+            f"recovery tracker {name!r}: {' or '.join(LIBRARIES)} cannot be imported ({reason}): install them anew, or "
+            f"choose another tracker ({FALLBACK})"
+        )
+        raise RecoveryError(msg) from err
+    limit_threads()
+    if name == SIAMRPN:
+        return SiamRpnMatcher(load_siamrpn(Path(file)))
+    return CompactMatcher(load_compact(Path(file) if file else SHIPPED))

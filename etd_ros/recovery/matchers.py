@@ -1,55 +1,34 @@
-"""Siamese networks behind one face: exemplars in, and how much every place of a window is like them out."""
+"""Siamese networks as `Matcher`s: exemplars in, and how much every place of a window is like them out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from threading import Thread
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from etd_ros.recovery import compact, siamrpn
 from etd_ros.recovery.appearance import GreyImage
+from etd_ros.recovery.matching import COMPACT_GEOMETRY, SIAMRPN_GEOMETRY, Answers
 
 THREADS = 1
-"""Of torch in this process: recovery runs beside nodes that must not wait for it."""
+"""Of torch for recovery: it runs beside nodes that must not wait for it."""
 
 
-class Answers(NamedTuple):
-    """What a network says about the places of a window.
+def limit_threads() -> None:
+    """Have torch use one thread for what the calling thread computes, and as many as before for everybody else.
 
-    Attributes:
-        scores: 0 to 1, of each template at each place, float32, shape (templates, rows, columns).
-        boxes: centre x, y, width, height on the window (pixels), float32, shape (templates, 4, rows, columns).
+    torch keeps the number for each thread, and the last one set for threads to come.
     """
-
-    scores: npt.NDArray[np.float32]
-    boxes: npt.NDArray[np.float32]
-
-
-class Matcher(Protocol):
-    """A network for inference. Templates are what it makes of exemplars; targets and windows may share it.
-
-    Attributes:
-        exemplar_side: side of an exemplar's crop (pixels).
-        margin: how far from a window's edge the first place is (pixels).
-        window_pixels_max: of one search, for its time's sake.
-    """
-
-    exemplar_side: int
-    margin: int
-    window_pixels_max: int
-
-    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> Any:
-        """What is remembered of a crop with the target of a size (w, h; pixels of the crop) in its middle."""
-        ...
-
-    def match(self, window: GreyImage, templates: Sequence[Any]) -> Answers:
-        """Compare all places of a window, sides multiples of 8 pixels, with templates."""
-        ...
+    before = torch.get_num_threads()
+    torch.set_num_threads(THREADS)
+    others = Thread(target=torch.set_num_threads, args=(before,))
+    others.start()
+    others.join()
 
 
 class _CompactTemplate(NamedTuple):
@@ -60,12 +39,9 @@ class _CompactTemplate(NamedTuple):
 class CompactMatcher:
     """The compact network."""
 
-    exemplar_side = compact.EXEMPLAR_SIDE
-    margin = int(compact.FIRST_CENTER)
-    window_pixels_max = 272 * 272
+    geometry = COMPACT_GEOMETRY
 
     def __init__(self, network: compact.Compact) -> None:
-        torch.set_num_threads(THREADS)
         self._network = fused(network)
         self._network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         # The first run sets the library up: not in the middle of a stream.
@@ -93,12 +69,9 @@ class CompactMatcher:
 class SiamRpnMatcher:
     """DaSiamRPN: at each place the best of its five anchors answers."""
 
-    exemplar_side = siamrpn.EXEMPLAR_SIDE
-    margin = 64
-    window_pixels_max = 272 * 272
+    geometry = SIAMRPN_GEOMETRY
 
     def __init__(self, network: siamrpn.SiamRpn) -> None:
-        torch.set_num_threads(THREADS)
         self._network = network
 
     def template(self, exemplar: GreyImage, size: tuple[float, float]) -> siamrpn.Kernels:  # noqa: ARG002

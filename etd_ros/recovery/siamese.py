@@ -16,7 +16,7 @@ from etd_ros.recovery.appearance import GreyImage
 from etd_ros.recovery.config import RecoveryConfig
 from etd_ros.recovery.crops import Crop, cut, exemplar_extent
 from etd_ros.recovery.interface import Found, check_image
-from etd_ros.recovery.matchers import Answers, Matcher
+from etd_ros.recovery.matching import Answers, Matcher
 
 DISTRACTORS_MAX = 4
 DISTRACTOR_SCORE_MIN = 0.3
@@ -159,7 +159,7 @@ class SiameseRecovery:
         return self._likeliest(answers, crop, image)
 
     def _view(self, image: GreyImage, box: Box) -> View:
-        side = self._matcher.exemplar_side
+        side = self._matcher.geometry.exemplar_side
         scale = side / exemplar_extent(box.w, box.h)
         surroundings = cut(image, box.center, scale, (SURROUNDINGS_SIDE, SURROUNDINGS_SIDE)).pixels
         rim = (SURROUNDINGS_SIDE - side) // 2
@@ -195,14 +195,14 @@ class SiameseRecovery:
             if scores[row, column] < DISTRACTOR_SCORE_MIN:
                 return
             x, y, w, h = answers.boxes[0, :, row, column].tolist()
-            side = self._matcher.exemplar_side
+            side = self._matcher.geometry.exemplar_side
             exemplar = cut(view.surroundings, (x, y), 1.0, (side, side)).pixels
             yield _Distractor(float(scores[row, column]), self._matcher.template(exemplar, (w, h)))
             target = crop.on_image(x, y, w, h)
 
     def _window(self, image: GreyImage, center: tuple[float, float]) -> Crop:
         """The part of the region round `center` that is searched now, at the scale of the exemplars."""
-        scale = self._matcher.exemplar_side / exemplar_extent(*self._size)
+        scale = self._matcher.geometry.exemplar_side / exemplar_extent(*self._size)
         region_scale = self._config.search_scale + self._config.search_growth * self._searches
         # The places searched for the centre: the region, as far as it lies on the image.
         reach = [max(side * region_scale / 2, STRIDE / scale) for side in self._size]
@@ -219,11 +219,11 @@ class SiameseRecovery:
 
     def _parts(self, bounds: list[tuple[float, float]], scale: float) -> list[tuple[float, float, int, int]]:
         """Windows that cover a region: centre (pixels of the image), columns and rows (pixels of the window)."""
-        margin, side_max = self._matcher.margin, math.isqrt(self._matcher.window_pixels_max)
+        _, margin, window_pixels_max = self._matcher.geometry
         sides = [(high - low) * scale for low, high in bounds]
         # A long region makes a long window: only the number of pixels is limited.
-        room = side_max - 2 * margin
-        if (sides[0] + 2 * margin) * (sides[1] + 2 * margin) <= self._matcher.window_pixels_max:
+        room = math.isqrt(window_pixels_max) - 2 * margin
+        if (sides[0] + 2 * margin) * (sides[1] + 2 * margin) <= window_pixels_max:
             counts = [1, 1]
         else:
             counts = [math.ceil(side / room) for side in sides]
@@ -248,7 +248,8 @@ class SiameseRecovery:
         likeness = np.where(self._plausible(boxes, crop, image), likeness, 0)
         row, column = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
         score = float(likeness[row, column])
-        if score <= 0:
+        # Weights that overflow make scores that are no numbers.
+        if not score > 0:
             return None
         x, y, w, h = boxes[:, row, column].tolist()
         beside = _beside(boxes, Box(x - w / 2, y - h / 2, w, h))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,8 +14,8 @@ from torch.nn import functional
 
 from etd_ros.recovery.appearance import GreyImage
 from etd_ros.recovery.interface import RecoveryError
+from etd_ros.recovery.weights_file import load_pickle
 
-EXEMPLAR_SIDE = 127
 STRIDE = 8
 ANCHORS = ((104, 32), (88, 40), (64, 64), (40, 80), (32, 96))
 """Width and height (pixels of the window)."""
@@ -130,22 +130,23 @@ def load_siamrpn(path: Path) -> SiamRpn:
 
 def _state(path: Path) -> dict[str, Tensor]:
     try:
-        loaded: Any = torch.load(path, map_location="cpu", weights_only=True)
-    # Whatever a damaged file makes of the unpickler: it is refused, with its reason.
-    except (OSError, RuntimeError, ValueError, EOFError, KeyError, TypeError, AttributeError, IndexError) as err:
-        raise _unreadable(path, err) from err
+        loaded = load_pickle(path)
     except pickle.UnpicklingError as err:
-        raise _unreadable(path, err) from err
-    tensors = loaded.items() if isinstance(loaded, dict) else ()
-    if not tensors or not all(isinstance(name, str) and isinstance(value, Tensor) for name, value in tensors):
+        reason = " ".join(str(err).split())[:80]
+        msg = f"{path}: not a file of plain weights ({reason}...): get DaSiamRPN's .model file again"
+        raise RecoveryError(msg) from err
+    weights = loaded if isinstance(loaded, dict) else {}
+    if not weights or not all(isinstance(name, str) and _is_plain(value) for name, value in weights.items()):
         msg = f"{path}: no weights by name; give SiamRPNVOT.model or another .model file of DaSiamRPN"
         raise RecoveryError(msg)
-    return dict(tensors)
+    return weights
 
 
-def _unreadable(path: Path, err: Exception) -> RecoveryError:
-    reason = " ".join(str(err).split())[:80]
-    return RecoveryError(f"{path}: not a file of plain weights ({reason}...): get DaSiamRPN's .model file again")
+def _is_plain(value: object) -> bool:
+    """Whether something is a tensor whose numbers are all there, neither sparse, nor quantised, nor without memory."""
+    if not isinstance(value, Tensor) or value.layout is not torch.strided or value.is_quantized:
+        return False
+    return value.device.type == "cpu" and (value.is_floating_point() or value.dtype == torch.int64)
 
 
 def _shaped_like(state: dict[str, Tensor], path: Path) -> SiamRpn:

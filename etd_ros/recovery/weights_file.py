@@ -1,9 +1,11 @@
-"""Weights of the compact network in safetensors files: plain numbers, so that no code can hide in them."""
+"""Files of weights, read as plain numbers: no code that hides in them is run."""
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -15,6 +17,26 @@ from etd_ros.recovery.interface import RecoveryError
 SHIPPED = Path(__file__).parent / "weights" / "compact.safetensors"
 NETWORK = "etd_ros compact 1"
 """In a file's metadata: another layout of layers gets another number."""
+
+PICKLES_SAFE_FROM = "2.6"
+"""Of torch: before, a file could run code in spite of `weights_only` (CVE-2025-32434)."""
+
+
+def load_pickle(path: Path, device: torch.device | str = "cpu") -> Any:
+    """What a file in torch's own format holds, tensors on `device`.
+
+    Raises:
+        pickle.UnpicklingError: it cannot be read, holds more than plain weights, or this torch is no protection from
+            code in it.
+    """
+    if torch.__version__ < PICKLES_SAFE_FROM:
+        msg = f"torch {torch.__version__} may run code that hides in it: pip install 'torch>={PICKLES_SAFE_FROM}'"
+        raise pickle.UnpicklingError(msg)
+    try:
+        return torch.load(path, map_location=device, weights_only=True)
+    # Whatever a damaged file makes of the reader: it is refused, with its reason.
+    except (OSError, RuntimeError, ValueError, EOFError, KeyError, TypeError, AttributeError, IndexError) as err:
+        raise pickle.UnpicklingError(err) from err
 
 
 def save_compact(network: Compact, path: Path, about: Mapping[str, str]) -> None:
@@ -43,6 +65,10 @@ def load_compact(path: Path = SHIPPED) -> Compact:
                     msg = f"{path}: {name} has the shape {shape}, not {list(tensor.shape)}: train the network anew"
                     raise RecoveryError(msg)
             state = {name: file.get_tensor(name) for name in expected}
+            for name, tensor in expected.items():
+                if state[name].dtype != tensor.dtype:
+                    msg = f"{path}: {name} is {state[name].dtype}, not {tensor.dtype}: train the network anew"
+                    raise RecoveryError(msg)
     except (OSError, SafetensorError) as err:
         msg = f"{path}: no readable safetensors file ({' '.join(str(err).split())[:80]}); name one made by `train`"
         raise RecoveryError(msg) from err

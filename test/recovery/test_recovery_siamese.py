@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -14,9 +10,10 @@ from hypothesis import strategies as st
 from recovery_scenes import HEIGHT, WIDTH, picture, texture
 
 from etd_ros.boxes import Box, iou
-from etd_ros.recovery import Found, RecoveryConfig, RecoveryError, make_recovery, making
+from etd_ros.recovery import Found, RecoveryConfig, RecoveryError, compact, make_recovery, making
 from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.matchers import CompactMatcher, fused
+from etd_ros.recovery.matching import COMPACT_GEOMETRY, Answers
 from etd_ros.recovery.siamese import SiameseRecovery
 from etd_ros.recovery.weights_file import SHIPPED, load_compact, save_compact
 
@@ -74,7 +71,8 @@ def test_the_search_reaches_the_whole_image_in_the_end(make):
     assert_near(found, far)
 
 
-def test_one_image_is_not_enough(make):
+def test_where_two_images_have_to_agree_one_is_not_enough():
+    make = make_recovery(RecoveryConfig(tracker="compact", network_agreeing=2))
     sprite = texture(1, 40, 36)
     tracker = after_a_loss(make, (sprite, START))
     answers = searched(tracker, START, (sprite, START), images=2)
@@ -82,7 +80,8 @@ def test_one_image_is_not_enough(make):
     assert_near(answers[1], START)
 
 
-def test_places_that_jump_do_not_agree(make):
+def test_places_that_jump_do_not_agree():
+    make = make_recovery(RecoveryConfig(tracker="compact", network_agreeing=2))
     sprite = texture(1, 40, 36)
     tracker = after_a_loss(make, (sprite, START))
     for shift in (0, 45, 0, 45):
@@ -112,7 +111,7 @@ def test_remembering_copies_pixels_and_leaves_the_network_alone(make):
     tracker = make()
     image = picture((texture(1, 40, 36), START))
     calls = []
-    tracker._matcher = type("Counted", (), {"exemplar_side": 64, "template": lambda *_: calls.append(1)})()
+    tracker._matcher = type("Counted", (), {"geometry": COMPACT_GEOMETRY, "template": lambda *_: calls.append(1)})()
     for _ in range(100):
         tracker.remember(image, START)
     assert calls == []
@@ -167,8 +166,7 @@ def test_a_tiny_target_on_a_large_sensor_is_searched_in_windows_of_bounded_size(
     matcher = tracker._matcher
 
     class Watched:
-        exemplar_side, margin = matcher.exemplar_side, matcher.margin
-        window_pixels_max = matcher.window_pixels_max
+        geometry = matcher.geometry
         template = staticmethod(matcher.template)
 
         @staticmethod
@@ -183,7 +181,7 @@ def test_a_tiny_target_on_a_large_sensor_is_searched_in_windows_of_bounded_size(
     tracker._searches = 3000
     for _ in range(5):
         tracker.search(image, box)
-    assert max(sizes) <= 1.15 * matcher.window_pixels_max
+    assert max(sizes) <= 1.15 * matcher.geometry.window_pixels_max
 
 
 def test_images_that_are_not_grey_are_refused(make):
@@ -227,13 +225,17 @@ def test_weights_of_another_network_and_damaged_ones_are_refused(tmp_path):
         load_compact(path)
 
 
-def test_weights_of_other_shapes_are_refused(tmp_path):
+def test_weights_of_other_shapes_and_types_are_refused(tmp_path):
     from safetensors.torch import load_file, save_file
 
     state = load_file(SHIPPED)
     path = tmp_path / "compact.safetensors"
     save_file({**state, "backbone.0.weight": torch.zeros(9, 1, 3, 3)}, path, {"network": "etd_ros compact 1"})
     with pytest.raises(RecoveryError, match=r"backbone\.0\.weight has the shape \[9, 1, 3, 3\]"):
+        load_compact(path)
+    wide = {**state, "backbone.0.weight": state["backbone.0.weight"].double()}
+    save_file(wide, path, {"network": "etd_ros compact 1"})
+    with pytest.raises(RecoveryError, match=r"backbone\.0\.weight is torch\.float64, not torch\.float32"):
         load_compact(path)
 
 
@@ -259,13 +261,31 @@ def test_without_torch_auto_is_csrt_and_a_network_is_refused_with_the_cure(monke
             make_recovery(RecoveryConfig(tracker=name))
 
 
-def test_torch_is_imported_only_for_a_network():
-    code = (
-        "import sys; import etd_ros.engine, etd_ros.cli; from etd_ros.recovery import RecoveryConfig, make_recovery; "
-        "make_recovery(RecoveryConfig(tracker='csrt'))(); assert 'torch' not in sys.modules; "
-        "make_recovery(RecoveryConfig(tracker='compact')); assert sys.modules['torch'].get_num_threads() == 1"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
+class _Overflowing:
+    geometry = COMPACT_GEOMETRY
+
+    def template(self, exemplar, size):
+        return None
+
+    def match(self, window, templates):
+        scores = np.full((len(templates), 2, 2), np.nan, np.float32)
+        return Answers(scores, np.full((len(templates), 4, 2, 2), 30.0, np.float32))
+
+
+def test_scores_that_are_no_numbers_find_nothing():
+    tracker = SiameseRecovery(_Overflowing(), RecoveryConfig())
+    image = picture((texture(1, 40, 36), START))
+    tracker.remember(image, START)
+    assert tracker.search(image, START) is None
+    assert tracker.latest is None
+
+
+def test_the_networks_take_the_crops_that_their_geometry_says():
+    assert COMPACT_GEOMETRY.margin == compact.FIRST_CENTER
+    answers = CompactMatcher(load_compact())
+    template = answers.template(np.zeros((64, 64), np.uint8), (32.0, 32.0))
+    side = 2 * COMPACT_GEOMETRY.margin
+    assert answers.match(np.zeros((side, side), np.uint8), [template]).scores.shape == (1, 1, 1)
 
 
 def test_the_matcher_scores_every_template_at_every_place():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch.torch_version import TorchVersion
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import RecoveryConfig, RecoveryError, make_recovery
@@ -122,6 +123,21 @@ def test_code_in_a_file_is_not_run(tmp_path, as_zip):
     with pytest.raises(RecoveryError, match=r"evil\.model: not a file of plain weights"):
         load_siamrpn(path)
     assert not trace.exists()
+
+
+def test_a_torch_that_would_run_code_in_a_file_is_not_used_for_it(model, monkeypatch):
+    monkeypatch.setattr(torch, "__version__", TorchVersion("2.5.1+cpu"))
+    with pytest.raises(RecoveryError, match=r"2\.5\.1\+cpu may run code that hides in it: pip install 'torch>=2\.6'"):
+        load_siamrpn(model)
+
+
+def test_tensors_without_plain_numbers_are_refused(model, tmp_path):
+    state = torch.load(model, weights_only=True)
+    path = tmp_path / "odd.model"
+    for odd in (state["conv_r2.bias"].to_sparse(), state["conv_r2.bias"].to("meta"), state["conv_r2.bias"] > 0):
+        torch.save({**state, "conv_r2.bias": odd}, path)
+        with pytest.raises(RecoveryError, match="no weights by name"):
+            load_siamrpn(path)
 
 
 def test_a_file_that_is_not_named_or_not_there_is_asked_for(tmp_path):

@@ -23,7 +23,7 @@ from etd_ros.recovery.training.making import SequenceMaker
 from etd_ros.recovery.training.pairs import PairSampler
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
 from etd_ros.recovery.training.validation import Figures, Tensors, tensors_of, validate
-from etd_ros.recovery.weights_file import save_compact
+from etd_ros.recovery.weights_file import load_pickle, save_compact
 
 CHECKPOINT_NAME, LOG_NAME, WEIGHTS_NAME = "checkpoint.pt", "log.csv", "compact.safetensors"
 LOG_COLUMNS = (
@@ -115,7 +115,7 @@ class Training:
         """
         path = self._output / CHECKPOINT_NAME
         try:
-            saved: dict[str, Any] = torch.load(path, map_location=self._device, weights_only=True)
+            saved: dict[str, Any] = load_pickle(path, self._device)
             same = {name: value for name, value in saved["config"].items() if name != "steps"}
             wanted = {name: value for name, value in dataclasses.asdict(self._config).items() if name != "steps"}
             if same != wanted:
@@ -125,7 +125,7 @@ class Training:
             self.network.load_state_dict(saved["network"])
             self._optimiser.load_state_dict(saved["optimiser"])
             self.step, self._before_s = int(saved["step"]), float(saved["seconds"])
-        except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError, pickle.UnpicklingError) as err:
+        except (RuntimeError, ValueError, KeyError, TypeError, AttributeError, pickle.UnpicklingError) as err:
             msg = f"{path}: no checkpoint to go on from ({' '.join(str(err).split())[:80]}): train without --resume"
             raise TrainingError(msg) from err
 

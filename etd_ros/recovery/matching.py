@@ -1,0 +1,86 @@
+"""What recovery asks of a Siamese network, and a thread of its own for it; without torch, which takes a second to
+import."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.recovery.appearance import GreyImage
+
+WINDOW_PIXELS_MAX = 272 * 272
+
+
+class Geometry(NamedTuple):
+    """What crops a network takes.
+
+    Attributes:
+        exemplar_side: side of an exemplar's crop (pixels).
+        margin: how far from a window's edge the first place is (pixels).
+        window_pixels_max: of one search, for its time's sake.
+    """
+
+    exemplar_side: int
+    margin: int
+    window_pixels_max: int = WINDOW_PIXELS_MAX
+
+
+COMPACT_GEOMETRY, SIAMRPN_GEOMETRY = Geometry(64, 24), Geometry(127, 64)
+
+
+class Answers(NamedTuple):
+    """What a network says about the places of a window.
+
+    Attributes:
+        scores: 0 to 1, of each template at each place, float32, shape (templates, rows, columns).
+        boxes: centre x, y, width, height on the window (pixels), float32, shape (templates, 4, rows, columns).
+    """
+
+    scores: npt.NDArray[np.float32]
+    boxes: npt.NDArray[np.float32]
+
+
+class Matcher(Protocol):
+    """A network for inference. Templates are what it makes of exemplars; targets and windows may share it."""
+
+    geometry: Geometry
+
+    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> Any:
+        """What is remembered of a crop with the target of a size (w, h; pixels of the crop) in its middle."""
+        ...
+
+    def match(self, window: GreyImage, templates: Sequence[Any]) -> Answers:
+        """Compare all places of a window, sides multiples of 8 pixels, with templates."""
+        ...
+
+
+class BackgroundMatcher:
+    """A `Matcher` that is loaded and run in one thread of its own; who asks before it is there waits for it.
+
+    All inference happens in that thread, so that limits which torch keeps for each thread touch nobody else's.
+
+    Args:
+        geometry: of the matcher to come.
+        load: makes it; called in the thread.
+    """
+
+    def __init__(self, geometry: Geometry, load: Callable[[], Matcher]) -> None:
+        self.geometry = geometry
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery network")
+        self._loading = self._thread.submit(load)
+
+    def wait(self) -> None:
+        """Return once the network is there; raise what its loading raised."""
+        self._loading.result()
+
+    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> Any:
+        """As `Matcher.template`; raises what the loading raised."""
+        return self._thread.submit(lambda: self._loading.result().template(exemplar, size)).result()
+
+    def match(self, window: GreyImage, templates: Sequence[Any]) -> Answers:
+        """As `Matcher.match`; raises what the loading raised."""
+        return self._thread.submit(lambda: self._loading.result().match(window, templates)).result()
