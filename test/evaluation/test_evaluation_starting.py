@@ -167,7 +167,7 @@ def test_two_processes_find_what_one_finds():
 
 def result(**changed) -> StartResult:
     """Of four targets in 2 s: two found soon, one late, one never."""
-    clicks = (ClickAnswer(True, 0.9), ClickAnswer(True, None), ClickAnswer(False, 0.3), ClickAnswer(False, 0.5))
+    clicks = (ClickAnswer(True, 0.9), ClickAnswer(True, None), ClickAnswer(False, 0.3), ClickAnswer(False, 0.4))
     values = {
         "sequence": "here",
         "kind": STILL,
@@ -186,8 +186,8 @@ def test_figures_are_shares_of_targets_and_clicks_and_rates_in_time():
     summary = summarise("here", [result()])
     assert (summary.targets, summary.soon, summary.ever) == (4, 0.5, 0.75)
     assert (summary.false_per_s, summary.parts_per_s) == (0.5, 1.5)
-    assert (summary.clicks, summary.answered, summary.click_iou) == (4, 0.75, 0.5)
-    assert (summary.click_middle, summary.click_beside) == (0.5, 0.5)
+    assert (summary.clicks, summary.answered, summary.click_iou) == (4, 0.75, 0.4)
+    assert (summary.click_middle, summary.click_beside) == (0.5, 0.0)
 
 
 def test_several_sequences_count_by_their_targets_clicks_and_durations():
