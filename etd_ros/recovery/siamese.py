@@ -167,8 +167,8 @@ class SiameseRecovery:
         return View(exemplar, (box.w * scale, box.h * scale), surroundings, (box.w, box.h))
 
     def _learn(self) -> None:
-        """Templates of the views; and of what was like them around one of the settled views, the next one with the
-        next search, so that the first search does not take several searches' time."""
+        """Templates of the views; and, with each search after that, of what was like them around one view, so that
+        no search takes several searches' time."""
         assert self._first is not None
         views = [self._first, *self._settled]
         if not self._templates:
@@ -177,7 +177,7 @@ class SiameseRecovery:
             self._templates = [self._matcher.template(view.exemplar, view.size) for view in usual]
             self._unlearnt = views
             self._distractors.clear()
-        if self._unlearnt:
+        elif self._unlearnt:
             found = [*self._distractors, *self._distractors_of(self._unlearnt.pop())]
             self._distractors = sorted(found, key=lambda distractor: -distractor.score)[:DISTRACTORS_MAX]
 
