@@ -342,7 +342,7 @@ def test_an_error_of_the_recording_comes_after_the_steps_before_it_and_leaves_no
     before = threading.active_count()
     steps = []
     with pytest.raises(EngineError, match="breaks off"):
-        steps.extend(track(broken(), [TargetStart("square", BOX)]))
+        steps.extend(track(broken(), [TargetStart("square", BOX)], method="etd"))
     assert rows(steps) == WHOLE["etd"]
     assert threading.active_count() == before
 

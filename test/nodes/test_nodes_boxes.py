@@ -65,17 +65,16 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
 
 
 @pytest.mark.parametrize("region", ["sensor", "targets"])
-def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path, region):
+@pytest.mark.parametrize("method", ["etd-plus", "etd"])
+def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path, method, region):
     recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
-    expected = offline_boxes(
-        recording, truth, tmp_path / "tracks.csv", "etd", "--set", f"atsltd.entropy_region={region}"
-    )
+    entropy_region = ("--set", f"atsltd.entropy_region={region}")
+    expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method, *entropy_region)
     bench.listen("/pipeline/detections", Detection2DArray)
     bench.listen("/pipeline/status", DiagnosticArray)
-    bench.start(
-        "pipeline",
-        ros=("-r", f"~/events:={EVENTS}", "-p", f"targets_file:={truth}", "-p", f"atsltd.entropy_region:={region}"),
-    )
+    parameters = (f"method:={method}", f"targets_file:={truth}", f"atsltd.entropy_region:={region}")
+    assignments = [word for parameter in parameters for word in ("-p", parameter)]
+    bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", *assignments))
     replay = bench.start("replay", str(recording))
     stamps = {stamp for _, stamp in expected}
     bench.wait_until(lambda: replay.poll() is not None, "the replay is over")

@@ -21,6 +21,7 @@ from msg_adapters import decode_detections, decode_image, encode_event_packet
 
 EVENTS = "/event_camera/events"
 REGIONS = "/tracker/search_regions"
+ACCUMULATOR = ("-r", f"~/events:={EVENTS}", "-p", "atsltd.entropy_region:=targets", "-p", "conversion:=atsltd")
 BOX = Box(100.0, 200.0, 40.0, 30.0)
 # No candidate overlaps that much: the target is lost on the first frame, and its region stays where it is.
 SETTINGS = {"tracking.failure_iou": 1.0, "atsltd.entropy_region": "targets"}
@@ -65,7 +66,7 @@ def test_frames_are_measured_round_a_lost_target_as_offline_until_its_tracker_en
     for topic, kind in (("/accumulator/frames", Image), (REGIONS, Detection2DArray)):
         bench.listen(topic, kind)
     source = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
-    bench.start("accumulator", ros=("-r", f"~/events:={EVENTS}", "-p", "atsltd.entropy_region:=targets"))
+    bench.start("accumulator", ros=ACCUMULATOR)
     spot = f"spot:{BOX.x},{BOX.y},{BOX.w},{BOX.h}"
     bench.start("tracker", ros=("-p", f"targets:={spot}", "-p", "method:=etd-nr", "-p", "tracking.failure_iou:=1.0"))
     wait_until_linked(bench, source, frame_subscribers=2)
@@ -90,7 +91,7 @@ def test_frames_are_measured_round_a_lost_target_as_offline_until_its_tracker_en
 def test_no_search_regions_before_a_target_has_started(bench, events):
     bench.listen(REGIONS, Detection2DArray)
     source = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
-    bench.start("accumulator", ros=("-r", f"~/events:={EVENTS}", "-p", "atsltd.entropy_region:=targets"))
+    bench.start("accumulator", ros=ACCUMULATOR)
     late_ns = int(events.t[-1]) + 1
     bench.start("tracker", ros=("-p", f"targets:=late:100,200,40,30@{late_ns}", "-p", "method:=etd-nr"))
     wait_until_linked(bench, source, frame_subscribers=1)

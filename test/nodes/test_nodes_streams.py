@@ -63,7 +63,7 @@ def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository
         ),
         "the nodes are linked",
     )
-    bench.start("replay", str(recording), "--loop", "--rate", "4", "--wait-for", "2")
+    bench.start("replay", str(recording), "--loop", "--rate", "1", "--wait-for", "2")
     bench.wait_until(lambda: all(len(rounds(found)) > 2 for found in stamps.values()), "two rounds are over")
 
     def has_boxes_again() -> bool:
