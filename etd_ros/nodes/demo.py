@@ -25,14 +25,13 @@ from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read
 from etd_ros.nodes.interface_definitions import interface_definitions
 from etd_ros.nodes.monitor import EVENTS, Monitor
 from etd_ros.nodes.recorded_tracks import FRAMES, recorded_tracks
-from etd_ros.overlay import VideoWriter, draw_overlay
 from etd_ros.recordings import open_recording
 from etd_ros.recordings.bag_writer import BagWriter
+from etd_ros.tracking_video import tracking_video
 
 READY_TIMEOUT_S = 60.0
 IDLE_END_S = 3.0
 STOP_TIMEOUT_S = 10.0
-VIDEO_FPS = 60.0
 DOMAIN_ID_MAX = 100
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
@@ -149,12 +148,11 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
 
 def _write_results(output: Path) -> None:
     """Tracks and video from the bag: drawing while the nodes run would take their time, and lose messages."""
-    with TracksWriter(output / "tracks.csv") as tracks, VideoWriter(output / "overlay.mp4", VIDEO_FPS) as video:
+    with TracksWriter(output / "tracks.csv") as tracks, tracking_video(output / "overlay.mp4") as video:
         for tracked in recorded_tracks(output / "bag"):
             tracks.write_reports(tracked.stamp_ns, tracked.reports)
             if tracked.frame is not None:
-                picture = draw_overlay(tracked.frame, tracked.reports, image=tracked.image, stamp_ns=tracked.stamp_ns)
-                video.write(picture)
+                video.add(tracked.stamp_ns, tracked.frame, tracked.reports, tracked.image)
 
 
 def _start_nodes(processes: Processes, truth: Path) -> None:
