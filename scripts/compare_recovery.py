@@ -20,6 +20,7 @@ import torch
 from rich.progress import track
 
 from etd_ros.boxes import iou
+from etd_ros.commands.track import read_settings
 from etd_ros.evaluation import read_boxes
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recordings import open_recording
@@ -62,12 +63,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=60, help="simulated sequences (default: %(default)s)")
     parser.add_argument("--trackers", default=f"{UNTRAINED},compact,csrt,kcf", help="default: %(default)s")
     parser.add_argument("--weights", default=str(SHIPPED), help="of the compact network; default: those shipped")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="e.g. recovery.vit_model=FILE")
     parser.add_argument("--recording", type=Path, help="losses on a labelled recording instead of simulated ones")
     parser.add_argument("--boxes", type=Path, help="its labels (target,stamp_ns,x,y,w,h)")
     parser.add_argument("--choose", action="store_true", help="print the compact network's best operating points")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    config = RecoveryConfig(compact_model=options.weights)
+    config = dataclasses.replace(read_settings(None, options.set).recovery, compact_model=options.weights)
     if options.choose:
         print(operating_points(losses(options.seeds, CHOOSING_SEED), config))
         return
