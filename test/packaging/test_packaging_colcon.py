@@ -16,7 +16,8 @@ from rclpy.node import Node
 
 NODES = {"accumulator", "pipeline", "reconstruction", "replay", "tracker"}
 GENERATED = shutil.ignore_patterns(".*", "demo", "build", "install", "log", "*.egg-info", "__pycache__", "test", "bags")
-TIMEOUT_S = 120
+TIMEOUT_S = 300
+"""The nodes compile their kernels at once, in a place without a cache: most of a minute of processor time."""
 DOMAIN = 97
 
 
