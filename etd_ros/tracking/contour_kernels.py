@@ -28,9 +28,10 @@ CLIMBS = 3
 """The place found with the nearest cells may be a step off; so often it is moved to a better neighbour."""
 POINTS_SEARCHED = 300
 """About so many points are enough to find the place; all of them put it right."""
-CROWDING_POWER = 1.4
-"""Of the number of points that the contrast is divided by: with less motions towards busy places win, with more those
-away from them."""
+COHERENCE_FLOOR = 10.0
+"""Added to the coherence that is possible, so that few points never look coherent."""
+CROWDING_POWER = 0.7
+"""Of the coherence that is possible: with 0 busy places would win, with 1 a few points that agree."""
 PRIOR_WEIGHT = 0.05
 """How much of the best score a place at the edge of the search gives away to one in its middle."""
 
@@ -237,6 +238,17 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _draw_point(layer: Float32Array, column: float, row: float) -> None:
+    """Weight 1, shared out over the four cells round a place that lies among the cells."""
+    c, r = int(column), int(row)
+    right, below = column - c, row - r
+    layer[r, c] += (1 - right) * (1 - below)
+    layer[r, c + 1] += right * (1 - below)
+    layer[r + 1, c] += (1 - right) * below
+    layer[r + 1, c + 1] += right * below
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, velocity: Float64Array,
           drawn: Float32Array) -> float:  # fmt: skip
     """Draw the points, moved on by their age, on the model's grid: `drawn`, shape (2, rows, columns), On and Off.
@@ -255,13 +267,7 @@ def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, 
         row = cosine * dy - sine * dx + (rows - 1) / 2
         if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
             continue
-        c, r = int(column), int(row)
-        right, below = column - c, row - r
-        channel = 0 if points[index, POLARITY] > 0 else 1
-        drawn[channel, r, c] += (1 - right) * (1 - below)
-        drawn[channel, r, c + 1] += right * (1 - below)
-        drawn[channel, r + 1, c] += (1 - right) * below
-        drawn[channel, r + 1, c + 1] += right * below
+        _draw_point(drawn[0 if points[index, POLARITY] > 0 else 1], column, row)
         inside += 1
     return inside
 
@@ -290,31 +296,60 @@ def blur(drawn: Float32Array, room: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def contrast(points: Float32Array, count: int, weight: Float32Array, pose: Float64Array, cell_px: float,
-             velocity: Float64Array, drawn: Float32Array, room: Float32Array) -> float:  # fmt: skip
-    """How sharp the points are when moved back to where they began (Gallego et al. 2018): the sum of the squares of
-    what they draw, over a power of their number. By the sum alone a motion towards busy places would win, and over the
-    square of the number one away from them.
+def coherence(points: Float32Array, count: int, weight: Float32Array, pose: Float64Array, cell_px: float,
+              velocity: Float64Array, time_s: float, parts: Float32Array, room: Float32Array) -> float:  # fmt: skip
+    """How well what the points draw in one part of a time agrees with what they draw in the others, when they are moved
+    back to where they began: their correlations, in parts of what they would be if all were alike.
 
-    On and Off that fall together count half: flicker and noise are sharp for no motion.
+    Contrast (Gallego et al. 2018) also grows with what a single part draws, so that a motion towards busy places wins,
+    or, over the square of the number of points, one away from them. On and Off that fall together count half: flicker
+    and noise agree for any motion.
 
-    The ages of these points count backwards from the beginning, so they are negative.
+    Args:
+        points: their ages count backwards from the beginning, so they are negative.
+        count: number of points.
+        weight: of the cells, shape (rows, columns).
+        pose: where the grid lies.
+        cell_px: pixels of a cell at scale 1.
+        velocity: x, y (pixels/s).
+        time_s: from the beginning to the end (s).
+        parts: room for what is drawn, shape (parts, 2, rows, columns).
+        room: room for smoothing, shape (2, rows, columns).
     """
-    splat(points, count, pose, cell_px, velocity, drawn)
-    _, rows, columns = drawn.shape
-    inside = 0.0
-    for channel in range(2):
-        for row in range(rows):
-            for column in range(columns):
-                inside += drawn[channel, row, column] * weight[row, column]
-    blur(drawn, room)
-    energy = 0.0
+    number, _, rows, columns = parts.shape
+    size = 1 / (cell_px * pose[2])
+    cosine, sine = np.cos(pose[3]) * size, np.sin(pose[3]) * size
+    parts[:] = 0
+    for index in range(count):
+        dx = points[index, X] + velocity[0] * points[index, AGE] - pose[0]
+        dy = points[index, Y] + velocity[1] * points[index, AGE] - pose[1]
+        column = cosine * dx + sine * dy + (columns - 1) / 2
+        row = cosine * dy - sine * dx + (rows - 1) / 2
+        if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
+            continue
+        part = min(number - 1, max(0, int(-points[index, AGE] / time_s * number)))
+        _draw_point(parts[part, 0 if points[index, POLARITY] > 0 else 1], column, row)
+    for part in range(number):
+        blur(parts[part], room)
+    products = np.zeros((number, number))
     for row in range(rows):
         for column in range(columns):
-            weight_here = weight[row, column]
-            on, off = drawn[0, row, column] * weight_here, drawn[1, row, column] * weight_here
-            energy += on * on + off * off - on * off
-    return float(energy / (inside + SUPPORT_FLOOR) ** CROWDING_POWER)
+            square = weight[row, column] * weight[row, column]
+            if square == 0:
+                continue
+            for part in range(number):
+                on, off = parts[part, 0, row, column] * square, parts[part, 1, row, column] * square
+                to_on, to_off = on - 0.5 * off, off - 0.5 * on
+                for other in range(part, number):
+                    products[part, other] += (
+                        to_on * parts[other, 0, row, column] + to_off * parts[other, 1, row, column]
+                    )
+    found = possible = 0.0
+    for part in range(number):
+        for other in range(part + 1, number):
+            found += products[part, other]
+            possible += np.sqrt(products[part, part] * products[other, other])
+    return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER)
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -110,6 +110,7 @@ class Contours:
         pose: float64, x, y of the centre (pixels), scale, angle (rad).
         velocity: float64, x, y (pixels/s).
         stamp_ns: the time of the pose (ns).
+        size_px: width and height of the box at scale 1.
     """
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
@@ -118,10 +119,10 @@ class Contours:
         self.velocity = np.zeros(2)
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
-        self._size = box.w, box.h
-        columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self._size)
+        self.size_px = box.w, box.h
+        columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
         self.maps: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
-        self.maps[WEIGHT] = _oval(rows, columns, *(side / self.cell_px for side in self._size))
+        self.maps[WEIGHT] = oval(rows, columns, *(side / self.cell_px for side in self.size_px))
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
         self.direction = np.zeros(2)
@@ -137,7 +138,7 @@ class Contours:
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        w, h = (side * float(self.pose[SCALE]) for side in self._size)
+        w, h = (side * float(self.pose[SCALE]) for side in self.size_px)
         return Box(x - w / 2, y - h / 2, w, h)
 
     @property
@@ -299,7 +300,7 @@ class Contours:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)
 
 
-def _oval(rows: int, columns: int, width: float, height: float) -> Float32Array:
+def oval(rows: int, columns: int, width: float, height: float) -> Float32Array:
     """Weights of the cells, shape (rows, columns): 1 in an oval a little larger than the box, falling to 0."""
     y, x = np.mgrid[0:rows, 0:columns]
     radius = np.hypot(

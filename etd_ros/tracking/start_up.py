@@ -1,11 +1,13 @@
-"""A target's first motion: found by contrast maximisation (Gallego et al. 2018), before there is a model to fit."""
+"""A target's first motion: that for which its events agree with one another, before there is a model to fit."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from etd_ros.tracking.contour_kernels import AGE, WEIGHT, Float32Array, contrast, splat
-from etd_ros.tracking.contours import MARGIN, Contours
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, coherence, splat
+from etd_ros.tracking.contours import BORDER_CELLS, MARGIN, Contours, oval
 from etd_ros.tracking.surface import TimeSurface
 
 LOOKS = 10
@@ -16,12 +18,18 @@ FIRST_STEPS_PX = ((1.0, 2), (0.5, 1), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
 CHANGE_WEIGHT = 0.001
-"""How much contrast a pixel of change (squared) has to bring."""
+"""How much coherence a pixel of change (squared) has to bring."""
 LOOKS_KNOWN = 10
+PARTS = 4
+"""The time so far is taken in so many parts, whose events have to agree."""
+CELL = 1.5
+"""Cells of the start-up in those of the model: coarser ones are faster, and find the same motion."""
+GRID_MARGIN = 1.5
+"""Width and height of the start-up's grid in those of the box: what lies round the target must not agree as well."""
 
 
 class StartUp:
-    """Collects a target's first events and moves its pose at the constant velocity that makes them sharpest.
+    """Collects a target's first events and moves its pose at the constant velocity with which they agree best.
 
     The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
     round where it was, and the pose is what the motion makes of it.
@@ -31,6 +39,12 @@ class StartUp:
         self._contours = contours
         self._pose = contours.pose.copy()
         self._start_ns = contours.stamp_ns
+        self._cell_px = CELL * contours.cell_px
+        width, height = (side / self._cell_px for side in contours.size_px)
+        columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
+        self._weight = oval(rows, columns, width, height)
+        self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
+        self._room = np.zeros((2, rows, columns), np.float32)
         self._collected: list[Float32Array] = []
 
     def look(self, surface: TimeSurface) -> bool:
@@ -61,7 +75,7 @@ class StartUp:
         self._collected.append(kept)
 
     def _fit(self, events: Float32Array, time_s: float) -> None:
-        """The velocity with the sharpest events, coarse to fine, near the one so far."""
+        """The velocity with which the events agree best, coarse to fine, near the one so far."""
         contours = self._contours
         so_far = contours.velocity.copy()
         best = so_far.copy()
@@ -71,12 +85,12 @@ class StartUp:
                 for i in range(-reach, reach + 1):
                     velocity = middle + np.array([i, j]) * (step_px / time_s)
                     change_px = float(((velocity - so_far) ** 2).sum()) * time_s**2
-                    sharpness = contrast(
-                        events, len(events), contours.maps[WEIGHT], self._pose, contours.cell_px, velocity,
-                        contours.drawn, contours.room,
+                    agreement = coherence(
+                        events, len(events), self._weight, self._pose, self._cell_px, velocity, time_s, self._parts,
+                        self._room,
                     ) * np.exp(-CHANGE_WEIGHT * change_px)  # fmt: skip
-                    if sharpness > top:
-                        best, top = velocity, sharpness
+                    if agreement > top:
+                        best, top = velocity, agreement
         contours.velocity = best
 
     def _finish(self, events: Float32Array, moved_px: float) -> None:

@@ -14,7 +14,7 @@ from etd_ros.tracking.contour_kernels import (
     RIDGE,
     WEIGHT,
     blur,
-    contrast,
+    coherence,
     gather,
     keep_times,
     learn,
@@ -146,18 +146,28 @@ def test_only_the_gradient_along_the_motion_is_learnt():
     assert maps[DENSITY].min() >= 0
 
 
-def test_the_right_motion_makes_events_sharpest():
+def agreement_of(points, velocity, time_s=0.03):
+    weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    velocity = np.array(velocity, float)
+    return coherence(points, len(points), weight, UPRIGHT, 1.0, velocity, time_s, parts, np.zeros_like(parts[0]))
+
+
+def test_events_agree_best_for_the_right_motion():
     rng = np.random.default_rng(3)
-    velocity = np.array([200.0, -100.0])
-    start = rng.uniform(-6, 6, (300, 2))
-    elapsed_s = rng.uniform(0, 0.03, 300)
-    shape = np.round(start / 4) * 4
-    moved = shape + velocity * elapsed_s[:, None] + [30, 40]
+    start, elapsed_s = np.round(rng.uniform(-6, 6, (300, 2)) / 4) * 4, rng.uniform(0, 0.03, 300)
+    moved = start + np.array([200.0, -100.0]) * elapsed_s[:, None] + [30, 40]
     points = np.column_stack([moved, -elapsed_s, np.ones(300)]).astype(np.float32)
-    weight, drawn = np.ones((ROWS, COLUMNS), np.float32), np.zeros((2, ROWS, COLUMNS), np.float32)
     speeds = [(x, y) for x in range(-400, 401, 100) for y in range(-400, 401, 100)]
-    sharpness = [
-        contrast(points, 300, weight, UPRIGHT, 1.0, np.array(speed, float), drawn, np.zeros_like(drawn))
-        for speed in speeds
-    ]
-    assert speeds[int(np.argmax(sharpness))] == (200, -100)
+    assert speeds[int(np.argmax([agreement_of(points, speed) for speed in speeds]))] == (200, -100)
+
+
+def test_what_a_single_part_of_the_time_draws_agrees_with_nothing():
+    once = points_at(np.linspace(25, 35, 100), 40.0, age_s=-0.001)
+    assert agreement_of(once, (0, 0)) == 0
+    often = np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
+    assert agreement_of(often, (0, 0)) > 1
+
+
+def test_opposite_polarities_disagree():
+    turned = np.concatenate([points_at([30.0], 40.0, 1 - 2 * (part % 2), -0.03 * part / 4) for part in (0, 1)])
+    assert agreement_of(turned.reshape(-1, 4), (0, 0)) < 0
