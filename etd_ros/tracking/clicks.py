@@ -1,4 +1,4 @@
-"""Clicked points: the moving object round a point becomes a target."""
+"""Clicked points: the object round a point becomes a target."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from etd_ros.tracking.auto_targets import is_same
 from etd_ros.tracking.clusters import Sighting
 from etd_ros.tracking.discovery import Discovery
 from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.pointed_object import LOOKS, PointedObject
 from etd_ros.tracking.target import TargetReport
 
 REACH_PX = 8.0
-"""A click may miss an object's box by this."""
+"""A click may miss the box of what moves before a still picture by this."""
+EXPECTED_IOU_MIN = 0.3
+"""Where the picture moves, a box is an answer if its IoU with the object is expected to be so much."""
+CLICK_ON = "click on what moves, or what the camera moves past"
+MOVED_MAX_NS = 50_000_000
+"""Looks come at least so often (ns): a click is not older than this when it is looked at first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +62,26 @@ class Click:
         return float(np.hypot(beside_x, beside_y))
 
 
+@dataclass(slots=True)
+class _Waiting:
+    """A click without an answer.
+
+    Attributes:
+        click: the click.
+        since_ns: when it was looked at first (ns).
+        pointed: what was found round it while the picture moved.
+    """
+
+    click: Click
+    since_ns: int
+    pointed: PointedObject
+
+
 class Clicks:
     """The clicks that wait for their objects.
+
+    Before a still picture an object is what moves at the click; where the picture moves and nothing there is known to
+    move otherwise, the object is told by its contours.
 
     Args:
         discovery: what finds what moves.
@@ -65,27 +89,27 @@ class Clicks:
 
     def __init__(self, discovery: Discovery) -> None:
         self._discovery = discovery
-        self._waiting: dict[str, Click] = {}
-        self._since_ns: dict[str, int] = {}
+        self._clicks: dict[str, Click] = {}
+        self._looked_at: dict[str, _Waiting] = {}
 
     @property
     def waiting(self) -> Sequence[Click]:
         """The clicks without an answer."""
-        return tuple(self._waiting.values())
+        return tuple(self._clicks.values())
 
     def add(self, click: Click) -> None:
-        """Wait for what moves at a click; one of the same name is forgotten."""
+        """Wait for what is at a click; one of the same name is forgotten."""
         self.forget(click.name)
-        self._waiting[click.name] = click
+        self._clicks[click.name] = click
 
     def forget(self, name: str) -> None:
         """Do not wait for this one any more, if it waits."""
-        self._waiting.pop(name, None)
-        self._since_ns.pop(name, None)
+        self._clicks.pop(name, None)
+        self._looked_at.pop(name, None)
 
     def are_due(self, stamp_ns: int) -> bool:
         """Whether any click holds at a time (ns)."""
-        return any(click.stamp_ns <= stamp_ns for click in self._waiting.values())
+        return any(click.stamp_ns <= stamp_ns for click in self._clicks.values())
 
     def take(self, stamp_ns: int, reports: Iterable[TargetReport]) -> tuple[list[tuple[str, Box]], list[str]]:
         """Answer the clicks for which the discovery's last look has something, or that have waited in vain.
@@ -103,26 +127,50 @@ class Clicks:
         for click in self.waiting:
             if click.stamp_ns > stamp_ns:
                 continue
-            waited_s = (stamp_ns - self._since_ns.setdefault(click.name, stamp_ns)) * 1e-9
+            waiting = self._look_at(click, stamp_ns)
             owner = next((name for name, box in tracked.items() if click.distance(box) == 0), None)
-            sighting = _at(click, self._discovery.sightings)
-            if owner is None and sighting is not None:
-                owner = next((name for name, box in tracked.items() if is_same(box, sighting.box)), None)
+            box = self._found(waiting) if owner is None else None
+            if box is not None:
+                owner = next((name for name, other in tracked.items() if is_same(other, box)), None)
+            waited_s = (stamp_ns - waiting.since_ns) * 1e-9
             if owner is not None:
                 notices.append(f"click {click} is on target {owner!r}, which is tracked already")
-            elif sighting is not None:
-                starts.append((click.name, sighting.box))
-                tracked[click.name] = sighting.box
+            elif box is not None:
+                starts.append((click.name, box))
+                tracked[click.name] = box
             elif waited_s >= self._discovery.config.click_wait_s:
-                notices.append(f"click {click}: nothing has moved there for {waited_s:.1f} s: click on a moving object")
+                what = "no object stands out" if waiting.pointed.looks else "nothing has moved"
+                notices.append(f"click {click}: {what} there for {waited_s:.1f} s: {CLICK_ON}")
             else:
                 continue
             self.forget(click.name)
         return starts, notices
 
+    def _look_at(self, click: Click, stamp_ns: int) -> _Waiting:
+        """What is known of a click, which is nothing yet at its first look or after time went back."""
+        waiting = self._looked_at.get(click.name)
+        if waiting is None or stamp_ns < waiting.since_ns:
+            clicked_ns = max(click.stamp_ns, stamp_ns - MOVED_MAX_NS) if click.stamp_ns else stamp_ns
+            waiting = _Waiting(click, stamp_ns, PointedObject(click.x, click.y, clicked_ns))
+            self._looked_at[click.name] = waiting
+        return waiting
 
-def _at(click: Click, sightings: Iterable[Sighting]) -> Sighting | None:
-    """The nearest sighting, the smallest of those round the point."""
-    near = [(click.distance(s.box), s.box.w * s.box.h, i, s) for i, s in enumerate(sightings)]
-    near = [item for item in near if item[0] <= REACH_PX]
+    def _found(self, waiting: _Waiting) -> Box | None:
+        """The box (pixels) of the object at a click, if the looks so far tell."""
+        sightings = self._discovery.sightings
+        if not self._discovery.picture_moves:
+            return _at(waiting.click, sightings, REACH_PX)
+        if self._discovery.camera_moves and (box := _at(waiting.click, sightings, 0.0)) is not None:
+            return box
+        waiting.pointed.look(self._discovery)
+        if waiting.pointed.looks < LOOKS:
+            return None
+        box, expected_iou = waiting.pointed.best()
+        return box if expected_iou >= EXPECTED_IOU_MIN else None
+
+
+def _at(click: Click, sightings: Iterable[Sighting], reach_px: float) -> Box | None:
+    """The box of the nearest sighting, the smallest of those round the point."""
+    near = [(click.distance(s.box), s.box.w * s.box.h, i, s.box) for i, s in enumerate(sightings)]
+    near = [item for item in near if item[0] <= reach_px]
     return min(near)[-1] if near else None

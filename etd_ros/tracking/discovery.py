@@ -74,18 +74,21 @@ class Discovery:
         config: parameters.
 
     Attributes:
+        events: the newest events.
         sightings: what the last look found.
+        flock: what it found to move with the picture: things, or parts of a background that hardly has events.
         stamp_ns: the time of that look (ns).
     """
 
     def __init__(self, width: int, height: int, config: DiscoveryConfig | None = None) -> None:
         self.config = config or DiscoveryConfig()
         self.sightings: list[Sighting] = []
+        self.flock: list[Sighting] = []
         self.stamp_ns = NEVER_NS
-        self._events = RecentEvents(width, height)
-        self._clusters = Clusters(self._events)
-        self._camera = CameraMotion(self._events)
-        self._camera_moves = False
+        self.events = RecentEvents(width, height)
+        self._clusters = Clusters(self.events)
+        self._camera = CameraMotion(self.events)
+        self._camera_moves = self._busy = False
         self._camera_memory: float | None = None
         self._looks = 0
 
@@ -99,14 +102,14 @@ class Discovery:
 
         A stamp below the last one starts the stream again.
         """
-        if stamp_ns < self._events.stamp_ns:
-            self.stamp_ns, self.sightings = NEVER_NS, []
+        if stamp_ns < self.events.stamp_ns:
+            self.stamp_ns, self.sightings, self.flock = NEVER_NS, [], []
             self._camera_moves, self._camera_memory = False, None
-        self._events.take(stamp_ns, data)
+        self.events.take(stamp_ns, data)
 
     def is_due(self) -> bool:
         """Whether the last look is so long ago that another one would tell something new."""
-        return self._events.stamp_ns - self.stamp_ns >= (CAMERA_LOOK_NS if self._camera_moves else LOOK_NS)
+        return self.events.stamp_ns - self.stamp_ns >= (CAMERA_LOOK_NS if self._camera_moves else LOOK_NS)
 
     def look(self, *, thorough: bool = False) -> list[Sighting]:
         """What moves now.
@@ -114,26 +117,29 @@ class Discovery:
         Args:
             thorough: look for slow things, too, which is done now and then otherwise.
         """
-        self.stamp_ns = self._events.stamp_ns
+        self.stamp_ns = self.events.stamp_ns
         self._looks += 1
-        clusters = [] if self._camera_moves else self._clusters.find(self._events.points(WINDOW_S))
-        asks = (thorough or self._looks % CAMERA_LOOKS == 0) and self._is_busy()
-        found = self._among_camera_motion(at_once=thorough) if self._camera_moves or asks else []
+        clusters = [] if self._camera_moves else self._clusters.find(self.events.points(WINDOW_S))
+        is_time_to_ask = thorough or self._looks % CAMERA_LOOKS == 0
+        self._busy = not self._camera_moves and is_time_to_ask and self._is_busy()
+        found = self._among_camera_motion(at_once=thorough) if self._camera_moves or self._busy else []
+        flock: list[Sighting] = []
         if not self._camera_moves:
             if thorough or self._looks % SLOW_LOOKS == 0:
                 clusters += self._slow(clusters)
-            found = self._without_flock(clusters)
+            found, flock = self._told_from_flock(clusters)
         self.sightings = [sighting for sighting in found if self._has_size(sighting.box)]
+        self.flock = [sighting for sighting in flock if self._has_size(sighting.box)]
         return self.sightings
 
     def _among_camera_motion(self, *, at_once: bool) -> list[Sighting]:
         """What moves otherwise than the camera; whether that moves is decided by several looks, or `at_once`."""
         if not self._camera_moves:
             self._camera.window_s = CAMERA_WINDOW_S
-        found = self._camera.look(self._events.points(self._camera.window_s))
+        found = self._camera.look(self.events.points(self._camera.window_s))
         if not self._camera_moves and self._camera.motion is not None:
             # Only now is it known how far back the events have to go.
-            found = self._camera.look(self._events.points(self._camera.window_s))
+            found = self._camera.look(self.events.points(self._camera.window_s))
         says_so = float(self._camera.motion is not None)
         if self._camera_memory is None and at_once:
             self._camera_memory = FIRST_MEMORY * says_so
@@ -142,15 +148,20 @@ class Discovery:
         self._camera_moves = self._camera_memory > (CAMERA_STOPS if self._camera_moves else CAMERA_STARTS)
         return found
 
+    @property
+    def picture_moves(self) -> bool:
+        """Whether so much moved in the last look that it may have been the camera that did."""
+        return self._camera_moves or self._busy or bool(self.flock)
+
     def _is_busy(self) -> bool:
         """Whether so much of the sensor has events that the camera may be moving."""
-        cells = (self._events.counts >= 2).astype(np.float32)
+        cells = (self.events.counts >= 2).astype(np.float32)
         sectors = cv2.resize(cells, SECTORS, interpolation=cv2.INTER_AREA)
         return float((sectors > SECTOR_BUSY).mean()) > SECTORS_BUSY
 
     def _slow(self, known: list[Sighting]) -> list[Sighting]:
         """Things that have too few events in the short window."""
-        found = self._clusters.find(self._events.points(SLOW_WINDOW_S))
+        found = self._clusters.find(self.events.points(SLOW_WINDOW_S))
         return [
             sighting
             for sighting in found
@@ -158,10 +169,10 @@ class Discovery:
             and not any(shared(sighting.box, other.box) > OVERLAP_MAX for other in known)
         ]
 
-    def _without_flock(self, sightings: list[Sighting]) -> list[Sighting]:
-        """Without the parts of a background that hardly has events: they move alike, all over the sensor."""
+    def _told_from_flock(self, sightings: list[Sighting]) -> tuple[list[Sighting], list[Sighting]]:
+        """The others, and the parts of a background that hardly has events: they move alike, all over the sensor."""
         if len(sightings) < FLOCK_MIN:
-            return sightings
+            return sightings, []
         velocities = np.array([sighting.velocity for sighting in sightings])
         errors = FLOCK_ERRORS * np.array([sighting.velocity_error for sighting in sightings])
         differences = np.hypot(*(velocities[:, None] - velocities).transpose(2, 0, 1))
@@ -171,16 +182,17 @@ class Discovery:
         tolerance = FLOCK_TOLERANCE_PX_S + FLOCK_TOLERANCE * np.hypot(*common)
         flock = np.hypot(*(velocities - common).T) < tolerance + errors
         if flock.sum() < max(FLOCK_MIN, FLOCK_SHARE * len(sightings)):
-            return sightings
+            return sightings, []
         corners = np.array([(s.box.x, s.box.y, s.box.x + s.box.w, s.box.y + s.box.h) for s in sightings])[flock]
         width, height = corners[:, 2:].max(axis=0) - corners[:, :2].min(axis=0)
-        if width * height < FLOCK_EXTENT * self._events.width * self._events.height:
-            return sightings
-        return [sighting for sighting, is_in in zip(sightings, flock, strict=True) if not is_in]
+        if width * height < FLOCK_EXTENT * self.events.width * self.events.height:
+            return sightings, []
+        others = [sighting for sighting, is_in in zip(sightings, flock, strict=True) if not is_in]
+        return others, [sighting for sighting, is_in in zip(sightings, flock, strict=True) if is_in]
 
     def _has_size(self, box: Box) -> bool:
         share = self.config.size_max_share
-        fits = box.w <= share * self._events.width and box.h <= share * self._events.height
+        fits = box.w <= share * self.events.width and box.h <= share * self.events.height
         return fits and max(box.w, box.h) >= self.config.size_min_px
 
 
