@@ -17,7 +17,7 @@ from etd_ros.tracking.target import TargetReport
 
 REACH_PX = 8.0
 """A click may miss the box of what moves before a still picture by this."""
-EXPECTED_IOU_MIN = 0.3
+EXPECTED_IOU_MIN = 0.4
 """Where the picture moves, a box is an answer if its IoU with the object is expected to be so much."""
 CLICK_ON = "click on what moves, or what the camera moves past"
 MOVED_MAX_NS = 50_000_000
@@ -157,12 +157,16 @@ class Clicks:
 
     def _found(self, waiting: _Waiting) -> Box | None:
         """The box (pixels) of the object at a click, if the looks so far tell."""
-        sightings = self._discovery.sightings
-        if not self._discovery.picture_moves:
-            return _at(waiting.click, sightings, REACH_PX)
-        if self._discovery.camera_moves and (box := _at(waiting.click, sightings, 0.0)) is not None:
-            return box
-        waiting.pointed.look(self._discovery)
+        discovery, click = self._discovery, waiting.click
+        if not discovery.picture_moves:
+            return _at(click, discovery.sightings, REACH_PX)
+        if discovery.camera_moves:
+            if (box := _at(click, discovery.sightings, 0.0)) is not None:
+                return box
+        elif _at(click, discovery.clusters, REACH_PX) is None:
+            # The camera may stand still: what is far from all events is no object.
+            return None
+        waiting.pointed.look(discovery)
         if waiting.pointed.looks < LOOKS:
             return None
         box, expected_iou = waiting.pointed.best()

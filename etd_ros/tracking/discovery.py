@@ -76,13 +76,15 @@ class Discovery:
     Attributes:
         events: the newest events.
         sightings: what the last look found.
-        flock: what it found to move with the picture: things, or parts of a background that hardly has events.
+        clusters: the clusters of events in it, of any size; none with a moving camera.
+        flock: those of them that move with the picture: things, or parts of a background that hardly has events.
         stamp_ns: the time of that look (ns).
     """
 
     def __init__(self, width: int, height: int, config: DiscoveryConfig | None = None) -> None:
         self.config = config or DiscoveryConfig()
         self.sightings: list[Sighting] = []
+        self.clusters: list[Sighting] = []
         self.flock: list[Sighting] = []
         self.stamp_ns = NEVER_NS
         self.events = RecentEvents(width, height)
@@ -103,7 +105,7 @@ class Discovery:
         A stamp below the last one starts the stream again.
         """
         if stamp_ns < self.events.stamp_ns:
-            self.stamp_ns, self.sightings, self.flock = NEVER_NS, [], []
+            self.stamp_ns, self.sightings, self.clusters, self.flock = NEVER_NS, [], [], []
             self._camera_moves, self._camera_memory = False, None
         self.events.take(stamp_ns, data)
 
@@ -128,6 +130,7 @@ class Discovery:
             if thorough or self._looks % SLOW_LOOKS == 0:
                 clusters += self._slow(clusters)
             found, flock = self._told_from_flock(clusters)
+        self.clusters = [] if self._camera_moves else clusters
         self.sightings = [sighting for sighting in found if self._has_size(sighting.box)]
         self.flock = [sighting for sighting in flock if self._has_size(sighting.box)]
         return self.sightings
