@@ -353,14 +353,9 @@ def coherence(points: Float32Array, count: int, weight: Float32Array, pose: Floa
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def learn(maps: Float32Array, drawn: Float32Array, room: Float32Array, direction: Float64Array, rate: float,
-          looks: float) -> None:  # fmt: skip
-    """Move the model towards what was drawn, with the direction of motion (a unit vector) at that time.
-
-    Events of a moving gradient g have the rate and sign of -g . v (Gallego et al. 2020, equation 3): only the part of
-    the gradient along the motion is corrected, the other part stays what it was. A rate of 1 forgets what was known;
-    `looks` tells of how many looks the drawing is the sum.
-    """
+def normalise(drawn: Float32Array, room: Float32Array, weight: Float32Array, looks: float) -> None:
+    """Smooth what was drawn, the sum of so many looks, and bring it to the contrast of a model, in place: fast and slow
+    looks, which differ in the number of their events, teach the same."""
     _, rows, columns = drawn.shape
     total = 0.0
     for channel in range(2):
@@ -368,14 +363,25 @@ def learn(maps: Float32Array, drawn: Float32Array, room: Float32Array, direction
             for column in range(columns):
                 total += drawn[channel, row, column]
     blur(drawn, room)
-    # Contrast of the model, not the number of events, so that fast and slow looks teach the same.
     norm = 1 / (looks * (np.sqrt(total / looks / (rows * columns)) + 0.05))
-    mean = 0.0
-    area = 0.0
+    for channel in range(2):
+        for row in range(rows):
+            for column in range(columns):
+                drawn[channel, row, column] *= norm * weight[row, column]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def learn(maps: Float32Array, drawn: Float32Array, direction: Float64Array, rate: float) -> None:
+    """Move the model towards what was drawn and normalised, with the direction of motion (a unit vector) at that time.
+
+    Events of a moving gradient g have the rate and sign of -g . v (Gallego et al. 2020, equation 3): only the part of
+    the gradient along the motion is corrected, the other part stays what it was. A rate of 1 forgets what was known.
+    """
+    _, rows, columns = drawn.shape
+    mean = area = 0.0
     for row in range(rows):
         for column in range(columns):
-            weight = maps[WEIGHT, row, column]
-            on, off = drawn[0, row, column] * norm * weight, drawn[1, row, column] * norm * weight
+            on, off = drawn[0, row, column], drawn[1, row, column]
             error = (
                 on - off - direction[0] * maps[GRADIENT_X, row, column] - direction[1] * maps[GRADIENT_Y, row, column]
             )
@@ -383,7 +389,7 @@ def learn(maps: Float32Array, drawn: Float32Array, room: Float32Array, direction
             maps[GRADIENT_Y, row, column] += rate * direction[1] * error
             maps[DENSITY, row, column] += rate * (on + off - maps[DENSITY, row, column])
             mean += maps[DENSITY, row, column]
-            area += weight
+            area += maps[WEIGHT, row, column]
     mean /= area
     for row in range(rows):
         for column in range(columns):

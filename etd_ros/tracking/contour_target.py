@@ -26,6 +26,11 @@ EVENTS_MIN = 15.0
 """Fewer events under the model say nothing about the target."""
 CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.55, 0.3, 0.75
 """From where on a look is believed in full, not at all, and is the target found again (docs/tracking.md)."""
+CONFIDENCE_USUAL = 0.7
+"""Below this, what the target looked like lately is tried."""
+CHANGING_PX, TRUST_MIN = 1.0, 0.1
+"""A look that is doubted still teaches, by what trust is left, if it finds the target this near to where it should be:
+then it changes, rather than something else being in its place."""
 CONFIDENCE_FOUND_HERE = 0.6
 """The same where its motion would have brought it."""
 KNOWN_MIN = 0.3
@@ -155,6 +160,7 @@ class ContourTarget:
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
         contours = self._contours
+        contours.is_changing = False
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
         look = contours.look(self._surface, any_motion=self._settling > 0)
         x, y = contours.predicted(stamp_ns)
@@ -168,6 +174,8 @@ class ContourTarget:
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.
             self._confidence /= max(contours.known, KNOWN_MIN)
+        if self._confidence < CONFIDENCE_USUAL:
+            look = self._look_for_change(look)
         if self._confidence < CONFIDENCE_OK:
             turned = contours.look(self._surface, any_motion=True)
             if self._confidence_of(turned) > self._confidence:
@@ -183,10 +191,22 @@ class ContourTarget:
             evidence = _evidence(look)
             self._usual = evidence if self._usual is None else self._usual + USUAL_RATE * (evidence - self._usual)
             self._settling = max(0, self._settling - 1)
-            if not self._settling:
-                contours.adapt(self._surface, elapsed_s)
+        is_near = np.hypot(look.x - x, look.y - y) < CHANGING_PX
+        if not self._settling and (doubt == 0 or (trust > TRUST_MIN and is_near)):
+            contours.adapt(self._surface, elapsed_s, trust)
         if self._has_failed() or self._is_off():
             self._fail(stamp_ns)
+
+    def _look_for_change(self, look: Look) -> Look:
+        """A look at what the target was like lately, if that fits better: it, or what is behind it, has changed."""
+        self._contours.is_changing = True
+        recent = self._contours.look(self._surface, any_motion=self._settling > 0)
+        confidence = self._confidence_of(recent)
+        if confidence > self._confidence:
+            self._confidence = confidence
+            return recent
+        self._contours.is_changing = False
+        return look
 
     def _confidence_of(self, look: Look) -> float:
         """A look in parts of the usual ones: its score or the number of its events, whichever is less. Things in front
@@ -238,6 +258,7 @@ class ContourTarget:
     def _fail(self, stamp_ns: int) -> None:
         """Go on from before the looks that failed, as they may have followed something else."""
         self._state = TargetState.LOST if self._is_off() else TargetState.RECOVERING
+        self._contours.is_changing = False
         if self._failing_s > 0:
             before_ns, self._contours.pose[:], self._contours.velocity[:] = self._before
             self._contours.stamp_ns = before_ns

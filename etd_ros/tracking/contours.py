@@ -17,6 +17,7 @@ from etd_ros.tracking.contour_kernels import (
     Float64Array,
     learn,
     measure_norms,
+    normalise,
     parabola,
     score_at,
     search,
@@ -49,6 +50,8 @@ VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
 BIAS_PX = 4.0
 """The direction so far counts like this much motion when the polarity of a place is predicted."""
+RECENT_RATE = 0.1
+"""Share of what the target looks like lately that a look renews."""
 NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
@@ -111,6 +114,8 @@ class Contours:
         velocity: float64, x, y (pixels/s).
         stamp_ns: the time of the pose (ns).
         size_px: width and height of the box at scale 1.
+        is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
+            usually looks like. That follows a change, and drifts.
     """
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
@@ -121,8 +126,11 @@ class Contours:
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self.size_px = box.w, box.h
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
-        self.maps: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
-        self.maps[WEIGHT] = oval(rows, columns, *(side / self.cell_px for side in self.size_px))
+        self._usual: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
+        self._usual[WEIGHT] = oval(rows, columns, *(side / self.cell_px for side in self.size_px))
+        self._recent = self._usual.copy()
+        self._both = self._usual.copy()
+        self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
         self.direction = np.zeros(2)
@@ -155,6 +163,10 @@ class Contours:
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
         return float(self.direction @ self._seen @ self.direction)
+
+    @property
+    def _maps(self) -> Float32Array:
+        return self._both if self.is_changing else self._usual
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -207,10 +219,10 @@ class Contours:
         margin = sums.shape[0] // 2 * step_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
-        measure_norms(self.maps, self._norms)
+        measure_norms(self._maps, self._norms)
         pose = np.array([x, y, self.pose[2], self.pose[3]])
         pose[0], pose[1] = search(
-            points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, BIAS_PX * self.direction,
+            points, count, self._maps, self._norms, pose, self.cell_px, self.velocity, BIAS_PX * self.direction,
             self.pose, config.ridge_weight, any_motion, step_px, sums,
         )  # fmt: skip
         score, agreement, events, *direction = self._score(points, count, pose, any_motion)
@@ -233,8 +245,8 @@ class Contours:
         self.pose[:2] += moved
         self.stamp_ns = surface.stamp_ns
 
-    def adapt(self, surface: TimeSurface, elapsed_s: float) -> None:
-        """Fit scale and angle to the newest events at the pose, and learn from them."""
+    def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float) -> None:
+        """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1)."""
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
@@ -251,8 +263,11 @@ class Contours:
         self._looks += 1
         inside = splat(points, count, self.pose, self.cell_px, self.velocity, self.drawn)
         self._count_events(inside, span_s)
-        rate = max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
-        learn(self.maps, self.drawn, self.room, self.direction, rate, 1.0)
+        rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
+        normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
+        learn(self._usual, self.drawn, self.direction, rate)
+        learn(self._recent, self.drawn, self.direction, max(rate, trust * RECENT_RATE))
+        np.add(0.5 * self._usual, 0.5 * self._recent, out=self._both)
         self._see(rate)
 
     def _see(self, rate: float) -> None:
@@ -261,7 +276,9 @@ class Contours:
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = direction
-        learn(self.maps, self.drawn, self.room, direction, 1.0, looks)
+        normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
+        for maps in (self._usual, self._recent, self._both):
+            learn(maps, self.drawn, direction, 1.0)
         self._see(1.0)
         self._looks = looks_known
 
@@ -280,7 +297,7 @@ class Contours:
     ) -> tuple[float, float, float, float, float]:
         motion = pose[:2] - self.pose[:2] + BIAS_PX * self.direction
         return score_at(
-            points, count, self.maps, self._norms, pose, self.cell_px, self.velocity, motion, self.config.ridge_weight,
+            points, count, self._maps, self._norms, pose, self.cell_px, self.velocity, motion, self.config.ridge_weight,
             any_motion,
         )  # fmt: skip
 

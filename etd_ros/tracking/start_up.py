@@ -14,7 +14,7 @@ LOOKS = 10
 """Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
 MOTION_MIN_PX, MOTION_MAX_PX = 2.0, 8.0
 TIME_MAX_S = 0.5
-FIRST_STEPS_PX = ((1.0, 2), (0.5, 1), (0.25, 1))
+STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
 CHANGE_WEIGHT = 0.001
@@ -79,7 +79,7 @@ class StartUp:
         contours = self._contours
         so_far = contours.velocity.copy()
         best = so_far.copy()
-        for step_px, reach in FIRST_STEPS_PX:
+        for step_px, reach in STEPS_PX:
             middle, top = best.copy(), -np.inf
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):
