@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -40,9 +39,8 @@ FEATURES = (
     "is_contour",
     "contour_near",
     "blobs_near",
-    "moves_otherwise",
-    "cluster",
-    "in_flock",
+    "sighting_near",
+    "flock_near",
 )
 """Columns of `Candidates.features`."""
 
@@ -60,14 +58,14 @@ class Candidates:
     features: Float64Array
 
 
-def candidates(picture: Float32Array, room: Float64Array, seen: Sequence[Float64Array]) -> Candidates:
+def candidates(picture: Float32Array, room: Float64Array, seen: tuple[Float64Array, Float64Array]) -> Candidates:
     """The boxes of closed contours round the middle of a picture, and of blobs of events there.
 
     Args:
         picture: events a pixel, moved on to now, float32, square, of an even side.
         room: left, top, right, bottom of the sensor (pixels of the picture), float64, shape (4,).
-        seen: boxes (pixels of the picture) of what was found by its motion, float64, shape (n, 4): what moves otherwise
-            than the picture, clusters before a still camera, and what moves with the picture.
+        seen: boxes (pixels of the picture) of what was found by its motion, and of what moves with the picture, float64,
+            shape (n, 4) each.
     """
     contours, blobs = contour_paths(picture), _blobs(picture)
     number = len(contours.boxes)

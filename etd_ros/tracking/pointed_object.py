@@ -8,33 +8,31 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.click_candidates import FEATURES, Candidates, candidates, ious
-from etd_ros.tracking.clusters import Sighting
 from etd_ros.tracking.discovery import Discovery
 from etd_ros.tracking.discovery_kernels import AGE, Float32Array, Float64Array, X, Y, draw
 from etd_ros.tracking.local_motion import WINDOWS_S, motion_near
 
-REACH_SHARE, REACH_MAX_PX = 0.6, 160
-"""How far contours may be from the point: parts of the sensor's shorter side, pixels."""
+REACH_SHARE, REACH_MIN_PX, REACH_MAX_PX = 0.6, 8, 160
+"""How far contours may be from the point: parts of the sensor's shorter side, and its limits (pixels)."""
 LOOKS = 2
 """The newest looks of this number are gathered: more of them wait longer and are not better."""
 MOTION_MAX_PX = 12
 """Events farther outside of the picture than this are not moved into it."""
 
 WEIGHTS = {
-    "elongation": -2.3,
+    "elongation": -2.35,
     "off_middle": -0.45,
-    "off_axis": -0.55,
-    "ring": 0.39,
+    "off_axis": -0.54,
+    "ring": 0.43,
     "side_weakest": 0.57,
     "side_weak": 0.52,
-    "side_strong": 0.49,
-    "side_strongest": 0.3,
-    "is_contour": -2.15,
-    "contour_near": 3.8,
+    "side_strong": 0.48,
+    "side_strongest": 0.29,
+    "is_contour": -2.2,
+    "contour_near": 3.81,
     "blobs_near": -0.26,
-    "moves_otherwise": 4.21,
-    "cluster": 2.5,
-    "in_flock": 1.45,
+    "sighting_near": 2.75,
+    "flock_near": 1.5,
 }
 """What each feature adds to the logarithm of a candidate's chance: `etd_ros.evaluation.starting_choice` finds them."""
 _WEIGHTS = np.array([WEIGHTS[name] for name in FEATURES])
@@ -81,12 +79,16 @@ class PointedObject:
             return None
         velocity, window_s = followed
         self._move_on(velocity, events.stamp_ns)
-        reach = int(min(REACH_SHARE * min(events.width, events.height), REACH_MAX_PX))
+        reach = int(np.clip(REACH_SHARE * min(events.width, events.height), REACH_MIN_PX, REACH_MAX_PX))
         left, top = self._x - reach, self._y - reach
         picture = _picture(points[points[:, AGE] < window_s], left, top, 2 * reach, velocity)
         corner = np.array([left, top, 0.0, 0.0])
         room = np.array([-left, -top, events.width - left, events.height - top])
-        found = candidates(picture, room, [boxes - corner for boxes in _seen(discovery)])
+        sightings, flock = (
+            np.array([sighting.box for sighting in seen], np.float64).reshape(-1, 4) - corner
+            for seen in (discovery.sightings, discovery.flock)
+        )
+        found = candidates(picture, room, (sightings, flock))
         return Candidates(found.boxes + corner, found.features)
 
     def best(self) -> tuple[Box, float]:
@@ -104,13 +106,6 @@ class PointedObject:
         self._x, self._y = self._x + float(shift[0]), self._y + float(shift[1])
         for boxes in self._boxes:
             boxes[:, :2] += shift
-
-
-def _seen(discovery: Discovery) -> tuple[Float64Array, ...]:
-    """Boxes (pixels) of what moves otherwise than the picture, of clusters, and of what moves with the picture."""
-    sightings, nothing = discovery.sightings, list[Sighting]()
-    kinds = (sightings, nothing) if discovery.camera_moves else (nothing, sightings)
-    return tuple(np.array([s.box for s in kind], np.float64).reshape(-1, 4) for kind in (*kinds, discovery.flock))
 
 
 def _picture(points: Float32Array, left: float, top: float, side: int, velocity: tuple[float, float]) -> Float32Array:
