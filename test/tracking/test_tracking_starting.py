@@ -153,6 +153,37 @@ def test_the_object_round_a_click_is_tracked(method, off):
     assert tracker.take_notices() == []
 
 
+def test_a_thing_at_rest_before_a_moving_camera_is_tracked_from_a_click():
+    scene, frames = frames_of("slide", 0.7)
+    tracker = clicking_tracker(scene)
+    clicked = list(scene.targets)
+    for name in clicked:
+        tracker.click(Click(name, *scene.box(name, 0.4).center, START_NS + 400_000_000))
+    first = {}
+    for frame in frames:
+        for report in tracker.update(frame.stamp_ns, frame.data):
+            first.setdefault(report.name, (seconds(frame.stamp_ns), report.box))
+    assert sorted(first) == sorted(clicked)
+    assert np.mean([overlap(box, scene.box(name, time_s)) > 0.5 for name, (time_s, box) in first.items()]) > 0.7
+    assert all(0.4 < time_s < 0.6 for time_s, _ in first.values())
+
+
+def test_a_click_far_from_all_that_moves_starts_nothing_however_much_moves_elsewhere():
+    rng = np.random.default_rng(2)
+    tracker = make_tracker("etd-plus", 200, 150, Settings(discovery=DiscoveryConfig(click_wait_s=0.2)), clicks=True)
+    texture = rng.random((150, 400)) < 0.1
+    tracker.click(Click("nothing", 150, 75, 200_000_000))
+    notices = []
+    for step in range(60):
+        frame = np.zeros((150, 200, 2), np.uint8)
+        frame[:, :60] = texture[:, step : step + 60, None] * 255
+        tracker.update((step + 1) * 10_000_000, frame)
+        notices += tracker.take_notices()
+    assert not tracker.targets
+    assert len(notices) == 1
+    assert "click on what moves" in notices[0]
+
+
 def test_a_click_on_a_tracked_target_does_nothing_but_say_so(ball):
     scene, frames = ball
     tracker = clicking_tracker(scene)
