@@ -20,19 +20,19 @@ MOTION_MAX_PX = 12
 """Events farther outside of the picture than this are not moved into it."""
 
 WEIGHTS = {
-    "elongation": -2.35,
-    "off_middle": -0.45,
-    "off_axis": -0.54,
-    "ring": 0.43,
-    "side_weakest": 0.57,
-    "side_weak": 0.52,
-    "side_strong": 0.48,
-    "side_strongest": 0.29,
-    "is_contour": -2.2,
-    "contour_near": 3.81,
+    "elongation": -2.23,
+    "off_middle": -0.51,
+    "off_axis": -0.6,
+    "ring": 0.35,
+    "side_weakest": 0.54,
+    "side_weak": 0.5,
+    "side_strong": 0.45,
+    "side_strongest": 0.25,
+    "is_contour": -2.3,
+    "contour_near": 3.97,
     "blobs_near": -0.26,
-    "sighting_near": 2.75,
-    "flock_near": 1.5,
+    "sighting_near": 2.94,
+    "flock_near": 1.61,
 }
 """What each feature adds to the logarithm of a candidate's chance: `etd_ros.evaluation.starting_choice` finds them."""
 _WEIGHTS = np.array([WEIGHTS[name] for name in FEATURES])
