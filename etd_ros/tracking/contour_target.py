@@ -57,6 +57,9 @@ SEARCH_RADIUS_PX, SEARCH_GROWTH_PX_S, SEARCH_RADIUS_MAX_PX = 9.0, 60.0, 36.0
 REMEMBER_NS = 50_000_000
 IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
 """How often images are searched. An answer counts from the next time on, however long it took."""
+CONTOUR_SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
+"""How often contours are, and how soon again once they were found: a search takes as long as ten looks, and many targets
+may be lost at once."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
@@ -136,7 +139,7 @@ class ContourTarget:
             return
         self._contours.stamp_ns = stamp_ns
         self._contours.velocity[:] = 0
-        self._failed_at_ns = self._searched_at_ns = self._remembered_at_ns = stamp_ns
+        self._failed_at_ns = self._searched_at_ns = self._looked_for_at_ns = self._remembered_at_ns = stamp_ns
 
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
@@ -146,7 +149,7 @@ class ContourTarget:
         self._usual = None
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
-        self._failed_at_ns = self._searched_at_ns = 0
+        self._failed_at_ns = self._searched_at_ns = self._looked_for_at_ns = 0
         self._remembered_at_ns = -REMEMBER_NS
         self._answer = None
         self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
@@ -194,7 +197,7 @@ class ContourTarget:
         is_near = np.hypot(look.x - x, look.y - y) < CHANGING_PX
         if not self._settling and (doubt == 0 or (trust > TRUST_MIN and is_near)):
             contours.adapt(self._surface, elapsed_s, trust)
-        if self._has_failed() or self._is_off():
+        if self._has_failed() or self._is_off(*contours.pose[:2]):
             self._fail(stamp_ns)
 
     def _look_for_change(self, look: Look) -> Look:
@@ -221,7 +224,6 @@ class ContourTarget:
             self._quiet_s += elapsed_s
         elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
             self._failing_s = 0.0
-            self._doubt(0.0)
             self._fail(stamp_ns)
             self._held = contours.box
             return
@@ -239,9 +241,8 @@ class ContourTarget:
     def _has_failed(self) -> bool:
         return self._failing_s > (LEAVING_S if self._is_leaving() else FAILING_S)
 
-    def _is_off(self) -> bool:
-        """Whether the middle of the target lies beyond the sensor."""
-        x, y = self._contours.pose[:2]
+    def _is_off(self, x: float, y: float) -> bool:
+        """Whether the middle of a target there (pixels) lies beyond the sensor."""
         return not (0 <= x < self._surface.width and 0 <= y < self._surface.height)
 
     def _is_leaving(self) -> bool:
@@ -257,11 +258,10 @@ class ContourTarget:
 
     def _fail(self, stamp_ns: int) -> None:
         """Go on from before the looks that failed, as they may have followed something else."""
-        self._state = TargetState.LOST if self._is_off() else TargetState.RECOVERING
+        self._state = TargetState.LOST if self._is_off(*self._contours.pose[:2]) else TargetState.RECOVERING
         self._contours.is_changing = False
-        if self._failing_s > 0:
-            before_ns, self._contours.pose[:], self._contours.velocity[:] = self._before
-            self._contours.stamp_ns = before_ns
+        self._doubt(0.0)
+        self._contours.stamp_ns, self._contours.pose[:], self._contours.velocity[:] = self._before
         self._failed_at_ns = self._searched_at_ns = stamp_ns
         self._candidate, self._candidates = None, 0
 
@@ -294,28 +294,36 @@ class ContourTarget:
     def _contours_found(self, since_s: float) -> bool:
         """Whether looks that follow one another find the target's contours at about the same place; go there then."""
         contours = self._contours
+        stamp_ns = self._surface.stamp_ns
+        if stamp_ns - self._looked_for_at_ns < (CONTOUR_SEARCH_NS if self._candidate is None else CONFIRM_NS):
+            return False
+        since_look_s, self._looked_for_at_ns = (stamp_ns - self._looked_for_at_ns) * 1e-9, stamp_ns
         reach = min(SEARCH_RADIUS_PX + SEARCH_GROWTH_PX_S * since_s, SEARCH_RADIUS_MAX_PX)
         side = 2 * int(reach / SEARCH_STEP_PX) + 1
-        # It may have stopped instead.
+        has_left = self._is_off(*self._before[1][:2])
         if self._candidate is None:
-            self._is_at_failure = not self._is_at_failure
+            # It may have stopped instead.
+            self._is_at_failure = not self._is_at_failure and not has_left
         x, y = (float(value) for value in (self._before[1] if self._is_at_failure else contours.pose)[:2])
         coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, 4)), SEARCH_STEP_PX)
         look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, 4)), 1.0)
         is_here = np.hypot(look.x - x, look.y - y) < FOUND_DISTANCE_PX
-        wanted = CONFIDENCE_FOUND_HERE if is_here else CONFIDENCE_FOUND
-        is_like_it = look.events >= EVENTS_MIN and self._confidence_of(look) >= wanted
+        wanted = CONFIDENCE_FOUND_HERE if is_here or has_left else CONFIDENCE_FOUND
+        is_there = look.events >= EVENTS_MIN and not self._is_off(look.x, look.y)
+        is_like_it = is_there and self._confidence_of(look) >= wanted
         before, self._candidate = self._candidate, look if is_like_it else None
         if not is_like_it:
             self._candidates = 0
             return False
-        is_near = before is not None and np.hypot(look.x - before.x, look.y - before.y) < FOUND_DISTANCE_PX
+        moved = np.array([look.x, look.y]) - ((before.x, before.y) if before is not None else np.inf)
+        is_near = np.hypot(*moved) < FOUND_DISTANCE_PX + self._usual_speed_px_s * since_look_s
         self._candidates = self._candidates + 1 if is_near else 1
         if self._candidates < FOUND_LOOKS:
             return False
         contours.pose[:2] = look.x, look.y
         if self._is_at_failure or not is_here:
-            contours.velocity[:] = 0
+            # Small moves say nothing of the velocity.
+            contours.velocity[:] = moved / since_look_s * (moved @ moved) / (moved @ moved + FOUND_DISTANCE_PX)
             self._settling = SETTLING_LOOKS
         return True
 
