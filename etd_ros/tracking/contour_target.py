@@ -58,8 +58,8 @@ REMEMBER_NS = 50_000_000
 IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
 """How often images are searched. An answer counts from the next time on, however long it took."""
 CONTOUR_SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
-"""How often contours are, and how soon again once they were found: a search takes as long as ten looks, and many targets
-may be lost at once."""
+"""How often contours are, and how soon again once they were found: a search takes as long as ten looks, and many
+targets may be lost at once."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
