@@ -17,8 +17,9 @@ from etd_ros.tracking.target import TargetReport
 
 REACH_PX = 8.0
 """A click may miss the box of what moves before a still picture by this."""
-EXPECTED_IOU_MIN = 0.4
-"""Where the picture moves, a box is an answer if its IoU with the object is expected to be so much."""
+EXPECTED_IOU_MIN, SURE_IOU = 0.4, 0.7
+"""Where the picture moves, a box is an answer if its IoU with the object is expected to be so much,
+and one at once, which waits for no other look, from the second figure on."""
 CLICK_ON = "click on what moves, or what the camera moves past"
 MOVED_MAX_NS = 50_000_000
 """Looks come at least so often (ns): a click is not older than this when it is looked at first."""
@@ -158,19 +159,21 @@ class Clicks:
     def _found(self, waiting: _Waiting) -> Box | None:
         """The box (pixels) of the object at a click, if the looks so far tell."""
         discovery, click = self._discovery, waiting.click
-        if not discovery.picture_moves:
-            return _at(click, discovery.sightings, REACH_PX)
-        if discovery.camera_moves:
-            if (box := _at(click, discovery.sightings, 0.0)) is not None:
-                return box
-        elif _at(click, discovery.clusters, REACH_PX) is None:
+        moving = _at(click, discovery.sightings, 0.0 if discovery.camera_moves else REACH_PX)
+        if not discovery.picture_moves or (discovery.camera_moves and moving is not None):
+            return moving
+        pointed = waiting.pointed
+        is_near_events = discovery.camera_moves or _at(click, discovery.clusters, REACH_PX) is not None
+        if pointed.looks == 0 and not is_near_events:
             # The camera may stand still: what is far from all events is no object.
             return None
-        waiting.pointed.look(discovery)
-        if waiting.pointed.looks < LOOKS:
+        pointed.look(discovery)
+        if pointed.looks == 0:
             return None
-        box, expected_iou = waiting.pointed.best()
-        return box if expected_iou >= EXPECTED_IOU_MIN else None
+        box, expected_iou = pointed.best()
+        if expected_iou >= (EXPECTED_IOU_MIN if pointed.looks == LOOKS else SURE_IOU):
+            return box
+        return moving if pointed.looks == LOOKS else None
 
 
 def _at(click: Click, sightings: Iterable[Sighting], reach_px: float) -> Box | None:

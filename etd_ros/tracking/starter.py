@@ -50,7 +50,7 @@ class Starter:
         self._last_number = 0
 
     def click(self, click: Click) -> None:
-        """Start what moves at a point, once something does.
+        """Start the object at a point, once it is found.
 
         Raises:
             TrackingError: the point lies off the sensor, or the stamp is negative.
