@@ -62,8 +62,6 @@ PART_SHARE = 0.15
 EVIDENCE_PER_PX_MIN = 0.3
 """Least evidence per pixel of the box's outline."""
 EVENTS_MIN = 25
-EVENTS_REFINED_MAX = 400
-"""A velocity is refined on so many events: more of them hardly change it."""
 TRIM = 0.02
 
 
@@ -221,8 +219,8 @@ class CameraMotion:
         in_group = (np.abs(points[:, X] - shape[1] / 2) < shape[1] / 2 - TILE_PX) & (
             np.abs(points[:, Y] - shape[0] / 2) < shape[0] / 2 - TILE_PX
         )
-        own = refined_velocity(_thinned(points[in_group]), *own, self._step_px_s, room)
-        camera = refined_velocity(_thinned(points[~in_group]), *camera, self._step_px_s, room)
+        own = refined_velocity(points[in_group], *own, self._step_px_s, room)
+        camera = refined_velocity(points[~in_group], *camera, self._step_px_s, room)
         evidence, places = room, np.zeros((len(points), 3), np.float32)
         pictures = []
         for velocity in (own, camera):
@@ -245,11 +243,6 @@ class CameraMotion:
         if weights[kept].sum() < EVIDENCE_PER_PX_MIN * 2 * (box.w + box.h):
             return None
         return Sighting(box, (float(own[0]), float(own[1])), 0.5 * self._step_px_s)
-
-
-def _thinned(points: Float32Array) -> Float32Array:
-    """At most EVENTS_REFINED_MAX of the points, spread evenly."""
-    return np.ascontiguousarray(points[:: max(1, -(-len(points) // EVENTS_REFINED_MAX))])
 
 
 def _similarity(x: Float64Array, y: Float64Array, vx: Float64Array, vy: Float64Array, width: int) -> Motion:

@@ -64,8 +64,8 @@ def candidates(picture: Float32Array, room: Float64Array, seen: tuple[Float64Arr
     Args:
         picture: events a pixel, moved on to now, float32, square, of an even side.
         room: left, top, right, bottom of the sensor (pixels of the picture), float64, shape (4,).
-        seen: boxes (pixels of the picture) of what was found by its motion, and of what moves with the picture, float64,
-            shape (n, 4) each.
+        seen: boxes (pixels of the picture) of what was found by its motion, and of what moves with the picture,
+            float64, shape (n, 4) each.
     """
     contours, blobs = contour_paths(picture), _blobs(picture)
     number = len(contours.boxes)
