@@ -9,32 +9,32 @@ have brought it, and the recovery tracker searches the images.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
-from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, EVENTS_MIN, ContourSearch, Standing
 from etd_ros.tracking.contours import ContourConfig, Contours, Look
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, TargetReport, TargetState, TrackerConfig
+from etd_ros.tracking.usual_looks import UsualLooks
 
 SEARCH_MARGIN = 1.5
 """Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
-EVENTS_MIN = 15.0
-"""Fewer events under the model say nothing about the target."""
-CONFIDENCE_OK, CONFIDENCE_MIN, CONFIDENCE_FOUND = 0.55, 0.3, 0.75
-"""From where on a look is believed in full, not at all, and is the target found again (docs/tracking.md)."""
+CONFIDENCE_OK, CONFIDENCE_MIN = 0.55, 0.3
+"""From where on a look is believed in full, and at all (docs/tracking.md)."""
+CONFIDENCE_SURE, SURE_S, SURE_AGE_NS = 0.8, 0.03, 200_000_000
+"""From where on nothing stands before the target. What hides it draws its box along before looks fail, so that it is
+looked for from where it was last seen surely, unless that was long ago, at its velocity averaged over this time."""
 CONFIDENCE_USUAL = 0.7
 """Below this, what the target looked like lately is tried."""
 CHANGING_PX, TRUST_MIN = 1.0, 0.1
 """A look that is doubted still teaches, by what trust is left, if it finds the target this near to where it should be:
 then it changes, rather than something else being in its place."""
-CONFIDENCE_FOUND_HERE = 0.6
-"""The same where its motion would have brought it."""
 KNOWN_MIN = 0.3
-USUAL_RATE = 0.08
 FAILING_S, LEAVING_S = 0.3, 0.12
 """So long looks may fail before the target counts as lost; the second at the border of the sensor."""
 FORGIVING = 2.0
@@ -46,20 +46,11 @@ SPEED_S = 0.1
 """The usual speed is an average over this time."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
-COAST_S = 0.5
-"""The motion of a target that is not seen is believed for so long."""
-FOUND_LOOKS = 2
-FOUND_DISTANCE_PX = 6.0
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
-SEARCH_STEP_PX = 3.0
-SEARCH_RADIUS_PX, SEARCH_GROWTH_PX_S, SEARCH_RADIUS_MAX_PX = 9.0, 60.0, 36.0
 REMEMBER_NS = 50_000_000
 IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
 """How often images are searched. An answer counts from the next time on, however long it took."""
-CONTOUR_SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
-"""How often contours are, and how soon again once they were found: a search takes as long as ten looks, and many
-targets may be lost at once."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
@@ -87,11 +78,12 @@ class ContourTarget:
         self._contours: Contours
         self._start_up: StartUp | None
         self._recovery: RecoveryTracker | None
-        self._usual: Float64Array | None
+        self._usual: UsualLooks
         self._confidence: float
         self._answer: Future[Found | None] | None
-        self._candidate: Look | None
         self._held: Box | None
+        self._sure: Standing | None
+        self._search: ContourSearch
         self._wait_for_start()
 
     @property
@@ -138,27 +130,29 @@ class ContourTarget:
             self._wait_for_start()
             return
         self._contours.stamp_ns = stamp_ns
-        self._contours.velocity[:] = 0
-        self._failed_at_ns = self._searched_at_ns = self._looked_for_at_ns = self._remembered_at_ns = stamp_ns
+        self._contours.stop()
+        self._searched_at_ns = self._remembered_at_ns = stamp_ns
+        self._sure = None
+        if self._state in (TargetState.RECOVERING, TargetState.LOST):
+            self._before = Standing.of(self._contours)
+            self._search_from(stamp_ns, has_left=False)
 
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
         self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
         self._start_up = StartUp(self._contours)
         self._recovery = self._recovery_factory() if self._recovery_factory else None
-        self._usual = None
+        self._usual = UsualLooks()
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
-        self._failed_at_ns = self._searched_at_ns = self._looked_for_at_ns = 0
+        self._searched_at_ns = 0
         self._remembered_at_ns = -REMEMBER_NS
         self._answer = None
-        self._before = 0, self._contours.pose.copy(), self._contours.velocity.copy()
+        self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
-        self._is_at_failure = False
         self._held = None
-        self._candidate = None
-        self._candidates = 0
+        self._sure = None
 
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
@@ -173,7 +167,7 @@ class ContourTarget:
         self._quiet_s = 0.0
         self._leaving_velocity = contours.velocity.copy()
         self._usual_speed_px_s += (1 - np.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
-        self._confidence = self._confidence_of(look)
+        self._confidence = self._usual.confidence(look)
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.
             self._confidence /= max(contours.known, KNOWN_MIN)
@@ -181,9 +175,10 @@ class ContourTarget:
             look = self._look_for_change(look)
         if self._confidence < CONFIDENCE_OK:
             turned = contours.look(self._surface, any_motion=True)
-            if self._confidence_of(turned) > self._confidence:
-                look, self._confidence = turned, self._confidence_of(turned)
+            if self._usual.confidence(turned) > self._confidence:
+                look, self._confidence = turned, self._usual.confidence(turned)
                 contours.turn(look.direction)
+        self._note_if_sure(elapsed_s)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
             self._doubt(elapsed_s * doubt)
@@ -191,30 +186,32 @@ class ContourTarget:
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
-            evidence = _evidence(look)
-            self._usual = evidence if self._usual is None else self._usual + USUAL_RATE * (evidence - self._usual)
+            self._usual.learn(look)
             self._settling = max(0, self._settling - 1)
         is_near = np.hypot(look.x - x, look.y - y) < CHANGING_PX
         if not self._settling and (doubt == 0 or (trust > TRUST_MIN and is_near)):
             contours.adapt(self._surface, elapsed_s, trust)
-        if self._has_failed() or self._is_off(*contours.pose[:2]):
+        if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
 
     def _look_for_change(self, look: Look) -> Look:
         """A look at what the target was like lately, if that fits better: it, or what is behind it, has changed."""
         self._contours.is_changing = True
         recent = self._contours.look(self._surface, any_motion=self._settling > 0)
-        confidence = self._confidence_of(recent)
+        confidence = self._usual.confidence(recent)
         if confidence > self._confidence:
             self._confidence = confidence
             return recent
         self._contours.is_changing = False
         return look
 
-    def _confidence_of(self, look: Look) -> float:
-        """A look in parts of the usual ones: its score or the number of its events, whichever is less. Things in front
-        bring events elsewhere, or none."""
-        return 1.0 if self._usual is None else float((_evidence(look) / self._usual).min())
+    def _note_if_sure(self, elapsed_s: float) -> None:
+        if self._confidence < CONFIDENCE_SURE or self._failing_s > 0:
+            return
+        velocity = self._contours.velocity.copy()
+        if self._sure is not None:
+            velocity = self._sure.velocity + (1 - np.exp(-elapsed_s / SURE_S)) * (velocity - self._sure.velocity)
+        self._sure = replace(Standing.of(self._contours), velocity=velocity)
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
         """A target that was slowing down stands still now; one that was not may have vanished behind something, or have
@@ -235,15 +232,13 @@ class ContourTarget:
     def _doubt(self, elapsed_s: float) -> None:
         """Count a look that failed, and note where things stood before the first."""
         if self._failing_s == 0:
-            self._before = self._contours.stamp_ns, self._contours.pose.copy(), self._contours.velocity.copy()
+            self._before = Standing.of(self._contours)
+            if self._sure is not None and self._before.stamp_ns - self._sure.stamp_ns < SURE_AGE_NS:
+                self._before = self._sure
         self._failing_s += elapsed_s
 
     def _has_failed(self) -> bool:
         return self._failing_s > (LEAVING_S if self._is_leaving() else FAILING_S)
-
-    def _is_off(self, x: float, y: float) -> bool:
-        """Whether the middle of a target there (pixels) lies beyond the sensor."""
-        return not (0 <= x < self._surface.width and 0 <= y < self._surface.height)
 
     def _is_leaving(self) -> bool:
         """Whether the target is at a border of the sensor and was moving over it."""
@@ -258,74 +253,47 @@ class ContourTarget:
 
     def _fail(self, stamp_ns: int) -> None:
         """Go on from before the looks that failed, as they may have followed something else."""
-        self._state = TargetState.LOST if self._is_off(*self._contours.pose[:2]) else TargetState.RECOVERING
-        self._contours.is_changing = False
+        contours = self._contours
+        is_off = not self._surface.holds(*contours.pose[:2])
+        self._state = TargetState.LOST if is_off else TargetState.RECOVERING
+        contours.is_changing = False
         self._doubt(0.0)
-        self._contours.stamp_ns, self._contours.pose[:], self._contours.velocity[:] = self._before
-        self._failed_at_ns = self._searched_at_ns = stamp_ns
-        self._candidate, self._candidates = None, 0
+        contours.stamp_ns = self._before.stamp_ns
+        contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
+        self._leaving_velocity = self._before.velocity
+        self._searched_at_ns = stamp_ns
+        self._search_from(stamp_ns, has_left=is_off or self._is_leaving())
+
+    def _search_from(self, stamp_ns: int, *, has_left: bool) -> None:
+        self._search = ContourSearch(
+            self._contours,
+            self._surface,
+            self._usual,
+            self._before,
+            self._usual_speed_px_s,
+            stamp_ns,
+            has_left=has_left,
+        )
 
     def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:
         """Search for the contours in a growing region, and the images now and then."""
-        since_s = (stamp_ns - self._failed_at_ns) * 1e-9
-        if self._state is TargetState.RECOVERING and since_s > self._config.recovering_max_s and self._held is None:
+        search = self._search
+        if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
-        self._coast(stamp_ns, since_s)
+        search.coast()
         answer = self._answer_from_images(stamp_ns, image)
         if answer is not None:
             self._contours.pose[:2] = answer.box.center
-            self._contours.velocity[:] = 0
+            self._contours.stop()
             self._settling = SETTLING_LOOKS
-        elif not self._contours_found(since_s):
+        elif not search.found():
             return
+        elif search.is_unsettled:
+            self._settling = SETTLING_LOOKS
         self._state = TargetState.TRACKING
         self._held = None
         self._failing_s = self._quiet_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score
-
-    def _coast(self, stamp_ns: int, since_s: float) -> None:
-        """Move on with the last velocity, for a while and not beyond the sensor."""
-        contours, surface = self._contours, self._surface
-        if since_s < COAST_S:
-            x, y = contours.predicted(stamp_ns)
-            contours.pose[:2] = np.clip(x, 0, surface.width - 1), np.clip(y, 0, surface.height - 1)
-        contours.stamp_ns = stamp_ns
-
-    def _contours_found(self, since_s: float) -> bool:
-        """Whether looks that follow one another find the target's contours at about the same place; go there then."""
-        contours = self._contours
-        stamp_ns = self._surface.stamp_ns
-        if stamp_ns - self._looked_for_at_ns < (CONTOUR_SEARCH_NS if self._candidate is None else CONFIRM_NS):
-            return False
-        since_look_s, self._looked_for_at_ns = (stamp_ns - self._looked_for_at_ns) * 1e-9, stamp_ns
-        reach = min(SEARCH_RADIUS_PX + SEARCH_GROWTH_PX_S * since_s, SEARCH_RADIUS_MAX_PX)
-        side = 2 * int(reach / SEARCH_STEP_PX) + 1
-        has_left = self._is_off(*self._before[1][:2])
-        if self._candidate is None:
-            # It may have stopped instead.
-            self._is_at_failure = not self._is_at_failure and not has_left
-        x, y = (float(value) for value in (self._before[1] if self._is_at_failure else contours.pose)[:2])
-        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, 4)), SEARCH_STEP_PX)
-        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, 4)), 1.0)
-        is_here = np.hypot(look.x - x, look.y - y) < FOUND_DISTANCE_PX
-        wanted = CONFIDENCE_FOUND_HERE if is_here or has_left else CONFIDENCE_FOUND
-        is_there = look.events >= EVENTS_MIN and not self._is_off(look.x, look.y)
-        is_like_it = is_there and self._confidence_of(look) >= wanted
-        before, self._candidate = self._candidate, look if is_like_it else None
-        if not is_like_it:
-            self._candidates = 0
-            return False
-        moved = np.array([look.x, look.y]) - ((before.x, before.y) if before is not None else np.inf)
-        is_near = np.hypot(*moved) < FOUND_DISTANCE_PX + self._usual_speed_px_s * since_look_s
-        self._candidates = self._candidates + 1 if is_near else 1
-        if self._candidates < FOUND_LOOKS:
-            return False
-        contours.pose[:2] = look.x, look.y
-        if self._is_at_failure or not is_here:
-            # Small moves say nothing of the velocity.
-            contours.velocity[:] = moved / since_look_s * (moved @ moved) / (moved @ moved + FOUND_DISTANCE_PX)
-            self._settling = SETTLING_LOOKS
-        return True
 
     def _answer_from_images(self, stamp_ns: int, image: FrameData | None) -> Found | None:
         """Have the recovery tracker search this image beside the frames to come; its answer to the last one."""
@@ -347,9 +315,3 @@ class ContourTarget:
         if sure or self._remembered_at_ns < 0:
             self._remembered_at_ns = stamp_ns
             self._recovery.remember(image, self._contours.box)
-
-
-def _evidence(look: Look) -> Float64Array:
-    """What a look is measured by: its score and its events, as if all of its window were motion. A slow target has
-    fewer events, whose score grows with the root of their number."""
-    return np.maximum([look.score / np.sqrt(look.motion), look.events / look.motion], 1e-6)

@@ -10,19 +10,20 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.parameters import Parameters, parameter
+from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
     MAPS,
+    SUMS,
     WEIGHT,
     Float32Array,
     Float64Array,
-    learn,
+    arm_cells,
     measure_norms,
-    normalise,
     parabola,
     score_at,
     search,
-    splat,
 )
+from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 
 CELLS_MAX = 48
@@ -34,9 +35,17 @@ KEPT_MARGIN_PX = 10.0
 """How far round the model the surface is kept up to date, for the looks to come."""
 SCALE, ANGLE = 2, 3
 """Parts of a pose."""
-TURN_RATE, TURN_MIN_RAD = 0.2, 0.005
-"""Turns are averaged over looks; smaller ones are noise."""
-SCALE_STEP, ANGLE_STEP = 0.04, 0.05
+ROUNDNESS = 1.7
+"""The outline of a target that turns: |x / a|^p + |y / b|^p = 1 is an ellipse with 2, a rhombus with 1; seen from any
+side, it is as wide as something between an ellipse and a rectangle."""
+TURN_GAIN, GROWTH_GAIN = 0.3, 0.15
+"""How much of a misfit is a misfit of the rate."""
+SCALE_STEP = 0.04
+ANGLE_STEP_CELLS, ANGLE_STEP_MAX = 1.0, 0.3
+"""An angle is tried that moves the model by so many cells, usually."""
+STIFFNESS = 0.03
+"""A change of scale or angle that changes the score by less than this share of it is hardly taken on: a ball has no
+angle."""
 SCALE_LIMITS = (0.2, 5.0)
 EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
@@ -77,7 +86,7 @@ class ContourConfig(Parameters):
         0.4, "share of a measured change of scale that is taken on; 0 keeps the size", low=0.0, high=1.0
     )
     angle_gain: float = parameter(
-        0.0, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
+        0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
     )
     ridge_weight: float = parameter(
         0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
@@ -91,8 +100,7 @@ class Look:
     Attributes:
         x, y: where it fits best (pixels).
         score: how well.
-        agreement: the same per event under the model: low where other things' events are.
-        events: how many those are.
+        events: how many are under the model.
         motion: how far the target moved while they came, in parts of `window_px`, 0.15 to 1.
         direction: x, y of the motion that fits the polarities best, of any length.
     """
@@ -100,7 +108,6 @@ class Look:
     x: float
     y: float
     score: float
-    agreement: float
     events: float
     motion: float
     direction: tuple[float, float]
@@ -122,6 +129,8 @@ class Contours:
         self.config = config
         self.pose = np.array([*box.center, 1.0, 0.0])
         self.velocity = np.zeros(2)
+        self._turning = SteadyChange(TURN_GAIN)
+        self._growing = SteadyChange(GROWTH_GAIN)
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self.size_px = box.w, box.h
@@ -133,20 +142,23 @@ class Contours:
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
-        self.direction = np.zeros(2)
+        self.direction = np.zeros(4)
         self._seen = np.zeros((2, 2))
-        self._norms = np.zeros(4)
+        self._arm_cells = arm_cells(rows, columns)
+        self._norms = np.zeros((5, 5))
         self._looks = 0
-        self._turn_rad = 0.0
         self._events_per_px: float | None = None
         self._events_waiting = 0
         side = 2 * config.search_radius + 1
-        self._sums = np.zeros((side, side, 4))
-        self._wide_sums = np.zeros((2 * side - 1, 2 * side - 1, 4))
+        self._sums = np.zeros((side, side, SUMS))
+        self._wide_sums = np.zeros((2 * side - 1, 2 * side - 1, SUMS))
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        w, h = (side * float(self.pose[SCALE]) for side in self.size_px)
+        across, down = (side * float(self.pose[SCALE]) for side in self.size_px)
+        cos, sin = abs(math.cos(self.pose[ANGLE])), abs(math.sin(self.pose[ANGLE]))
+        w = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
+        h = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
         return Box(x - w / 2, y - h / 2, w, h)
 
     @property
@@ -162,7 +174,14 @@ class Contours:
     @property
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
-        return float(self.direction @ self._seen @ self.direction)
+        direction = self._turned_direction()
+        moving, others = direction[:2], direction[2:]
+        return float(moving @ self._seen @ moving + others @ others)
+
+    @property
+    def motion(self) -> Float64Array:
+        """How the target moves, turns and grows: pixels/s, pixels/s, rad/s and 1/s."""
+        return np.array([*self.velocity, self._turning.per_s, self._growing.per_s])
 
     @property
     def _maps(self) -> Float32Array:
@@ -210,7 +229,7 @@ class Contours:
             surface: the events.
             x: the column in the middle (pixels).
             y: the row in the middle (pixels).
-            sums: float64, shape (2r + 1, 2r + 1, 4), room for the places' scores.
+            sums: float64, shape (2r + 1, 2r + 1, SUMS), room for the places' scores.
             step_px: distance of the places (pixels).
             any_motion: as for `look`.
         """
@@ -220,20 +239,20 @@ class Contours:
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
         measure_norms(self._maps, self._norms)
-        pose = np.array([x, y, self.pose[2], self.pose[3]])
+        pose = np.array([x, y, *self._changed(self._since_s(surface.stamp_ns))])
         pose[0], pose[1] = search(
-            points, count, self._maps, self._norms, pose, self.cell_px, self.velocity, BIAS_PX * self.direction,
+            points, count, self._maps, self._norms, pose, self.cell_px, self.motion, BIAS_PX * self.direction,
             self.pose, config.ridge_weight, any_motion, step_px, sums,
         )  # fmt: skip
-        score, agreement, events, *direction = self._score(points, count, pose, any_motion)
+        score, events, *direction = self._score(points, count, pose, any_motion)
         motion = float(np.clip(self.speed_px_s * span_s / config.window_px, MOTION_MIN, 1.0))
-        return Look(float(pose[0]), float(pose[1]), score, agreement, events, motion, (direction[0], direction[1]))
+        return Look(float(pose[0]), float(pose[1]), score, events, motion, (direction[0], direction[1]))
 
     def turn(self, direction: tuple[float, float]) -> None:
         """The target moves in this direction now (x, y of any length)."""
         length = float(np.hypot(*direction))
         if length > 0:
-            self.direction = np.array(direction) / length
+            self.direction = np.array([*direction, 0.0, 0.0]) / length
 
     def follow(self, surface: TimeSurface, x: float, y: float, gain: float) -> None:
         """Go to a place (pixels) at the surface's time; the velocity follows by `gain`, 0 to 1."""
@@ -243,6 +262,7 @@ class Contours:
             average_s = float(np.clip(VELOCITY_PX / max(self.speed_px_s, 1e-3), *VELOCITY_S))
             self.velocity += gain * elapsed_s / (elapsed_s + average_s) * (moved / elapsed_s - self.velocity)
         self.pose[:2] += moved
+        self.pose[2:] = self._changed(elapsed_s)
         self.stamp_ns = surface.stamp_ns
 
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float) -> None:
@@ -250,37 +270,69 @@ class Contours:
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
-        if self.config.scale_gain > 0:
-            change = self._misfit(points, count, SCALE, SCALE_STEP)
-            self.pose[SCALE] *= math.exp(self.config.scale_gain * change)
-            self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)
-        if self.config.angle_gain > 0:
-            self._turn_rad += TURN_RATE * (self._misfit(points, count, ANGLE, ANGLE_STEP) - self._turn_rad)
-            if abs(self._turn_rad) > TURN_MIN_RAD:
-                self.pose[ANGLE] += self.config.angle_gain * self._turn_rad
-        if self.speed_px_s > SPEED_MIN_PX_S:
-            self.direction = self.velocity / self.speed_px_s
+        self._fit_scale_and_angle(points, count, elapsed_s)
+        self._note_direction()
         self._looks += 1
-        inside = splat(points, count, self.pose, self.cell_px, self.velocity, self.drawn)
+        inside = splat(points, count, self.pose, self.cell_px, self.motion, self.drawn)
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        learn(self._usual, self.drawn, self.direction, rate)
-        learn(self._recent, self.drawn, self.direction, max(rate, trust * RECENT_RATE))
+        self._learn(self._usual, rate)
+        self._learn(self._recent, max(rate, trust * RECENT_RATE))
         np.add(0.5 * self._usual, 0.5 * self._recent, out=self._both)
         self._see(rate)
 
-    def _see(self, rate: float) -> None:
-        self._seen += rate * (1 - self.known) * np.outer(self.direction, self.direction)
+    def stop(self) -> None:
+        """Take the target to be at rest."""
+        self.velocity[:] = 0
+        self._turning.stop()
+        self._growing.stop()
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
-        self.direction = direction
+        self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
         for maps in (self._usual, self._recent, self._both):
-            learn(maps, self.drawn, direction, 1.0)
+            self._learn(maps, 1.0)
         self._see(1.0)
         self._looks = looks_known
+
+    def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
+        if self.config.scale_gain > 0:
+            misfit = self._misfit(points, count, SCALE, SCALE_STEP)
+            self._growing.learn(misfit, elapsed_s)
+            self.pose[SCALE] *= math.exp(self.config.scale_gain * misfit)
+            self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)
+        if self.config.angle_gain > 0:
+            misfit = self._misfit(points, count, ANGLE, min(ANGLE_STEP_CELLS / self._arm_cells, ANGLE_STEP_MAX))
+            if self._turning.learn(misfit, elapsed_s):
+                self.pose[ANGLE] += self.config.angle_gain * misfit
+
+    def _note_direction(self) -> None:
+        arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]
+        motion = self.motion * (1.0, 1.0, arm_px, arm_px)
+        speed_px_s = math.sqrt(motion @ motion)
+        if speed_px_s > SPEED_MIN_PX_S:
+            self.direction = motion / speed_px_s
+
+    def _learn(self, maps: Float32Array, rate: float) -> None:
+        by_the_cell = 1 / self._arm_cells
+        learn(maps, self.drawn, self._turned_direction() * (1.0, 1.0, by_the_cell, by_the_cell), rate)
+
+    def _see(self, rate: float) -> None:
+        moving = self._turned_direction()[:2]
+        self._seen += rate * (1 - self.known) * np.outer(moving, moving)
+
+    def _turned_direction(self) -> Float64Array:
+        """The direction of motion in the model's coordinates."""
+        x, y, *others = self.direction
+        cos, sin = math.cos(self.pose[ANGLE]), math.sin(self.pose[ANGLE])
+        return np.array([cos * x + sin * y, cos * y - sin * x, *others])
+
+    def _changed(self, since_s: float) -> tuple[float, float]:
+        """Scale and angle after a time, if growing and turning go on."""
+        scale = self.pose[SCALE] * math.exp(self._growing.per_s * since_s)
+        return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
 
     def _misfit(self, points: Float32Array, count: int, part: int, step: float) -> float:
         """By how much another scale (its logarithm) or angle (rad) fits the points better, at most half a step."""
@@ -290,14 +342,16 @@ class Contours:
             score = self._score(points, count, pose, False)[0]
             # A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
             values.append(score / pose[SCALE])
-        return step * parabola(*values)
+        left, middle, right = values
+        return step * parabola(left, middle, right, STIFFNESS * abs(middle))
 
     def _score(
         self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool
-    ) -> tuple[float, float, float, float, float]:
-        motion = pose[:2] - self.pose[:2] + BIAS_PX * self.direction
+    ) -> tuple[float, float, float, float]:
+        motion = BIAS_PX * self.direction
+        motion[:2] += pose[:2] - self.pose[:2]
         return score_at(
-            points, count, self._maps, self._norms, pose, self.cell_px, self.velocity, motion, self.config.ridge_weight,
+            points, count, self._maps, self._norms, pose, self.cell_px, self.motion, motion, self.config.ridge_weight,
             any_motion,
         )  # fmt: skip
 

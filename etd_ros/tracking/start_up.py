@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from etd_ros.tracking.contour_kernels import AGE, Float32Array, coherence, splat
-from etd_ros.tracking.contours import BORDER_CELLS, MARGIN, Contours, oval
+from etd_ros.tracking.contour_drawing import agreements, coherence, splat
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
+from etd_ros.tracking.contours import BORDER_CELLS, Contours, oval
 from etd_ros.tracking.surface import TimeSurface
 
 LOOKS = 10
@@ -25,11 +26,20 @@ PARTS = 4
 CELL = 1.5
 """Cells of the start-up in those of the model: coarser ones are faster, and find the same motion."""
 GRID_MARGIN = 1.5
-"""Width and height of the start-up's grid in those of the box: what lies round the target must not agree as well."""
+"""Width and height of the start-up's grid in those of the box: it holds a ring of what lies round the target."""
+APART_PX = 3.0
+"""After so much motion, events that move like the ring are told from the target's."""
+APART_ROUNDS = 2
+BEHIND_WEIGHT = 0.7
+"""How much less an event counts that moves like the ring."""
+AGREED_FLOOR = 0.1
 
 
 class StartUp:
     """Collects a target's first events and moves its pose at the constant velocity with which they agree best.
+
+    What lies behind it may move at nearly the same velocity, and draws the target's along. So each event counts by how
+    much better it agrees with the others at the target's velocity than at that of the ring round the target.
 
     The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
     round where it was, and the pose is what the motion makes of it.
@@ -45,6 +55,9 @@ class StartUp:
         self._weight = oval(rows, columns, width, height)
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
+        self._ring = np.asarray(1 - self._weight, np.float32)
+        self._of_all = np.zeros(2)
+        self._of_ring = np.zeros(2)
         self._collected: list[Float32Array] = []
 
     def look(self, surface: TimeSurface) -> bool:
@@ -53,7 +66,7 @@ class StartUp:
         since_ns = contours.stamp_ns if self._collected else surface.start_ns
         elapsed_s = (surface.stamp_ns - since_ns) * 1e-9
         x, y = contours.predicted(surface.stamp_ns)
-        window = surface.window(contours.box_at(x, y).scaled(MARGIN), contours.config.search_radius + 2)
+        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
         self._collect(points[:count], surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
@@ -75,27 +88,48 @@ class StartUp:
         self._collected.append(kept)
 
     def _fit(self, events: Float32Array, time_s: float) -> None:
-        """The velocity with which the events agree best, coarse to fine, near the one so far."""
-        contours = self._contours
-        so_far = contours.velocity.copy()
-        best = so_far.copy()
+        """The velocity with which the target's events agree best, near the one so far."""
+        everything = np.ones(len(events), np.float32)
+        self._of_all = self._coherent(events, time_s, everything, self._weight, self._of_all)
+        velocity = self._of_all
+        if float(np.hypot(*velocity)) * time_s > APART_PX:
+            self._of_ring = self._coherent(events, time_s, everything, self._ring, self._of_ring)
+            behind = self._agreements(events, time_s, self._of_ring)
+            for _ in range(APART_ROUNDS):
+                own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
+                shares = np.asarray(own / (own + BEHIND_WEIGHT * behind), np.float32)
+                velocity = self._coherent(events, time_s, shares, self._weight, velocity)
+        self._contours.velocity = velocity.copy()
+
+    def _coherent(
+        self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
+    ) -> Float64Array:
+        """The velocity (pixels/s) of the greatest coherence, coarse to fine."""
+        best = so_far
         for step_px, reach in STEPS_PX:
-            middle, top = best.copy(), -np.inf
+            middle, top = best, -np.inf
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):
                     velocity = middle + np.array([i, j]) * (step_px / time_s)
                     change_px = float(((velocity - so_far) ** 2).sum()) * time_s**2
                     agreement = coherence(
-                        events, len(events), self._weight, self._pose, self._cell_px, velocity, time_s, self._parts,
+                        events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts,
                         self._room,
                     ) * np.exp(-CHANGE_WEIGHT * change_px)  # fmt: skip
                     if agreement > top:
                         best, top = velocity, agreement
-        contours.velocity = best
+        return best
+
+    def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
+        agreed = np.empty(len(events), np.float32)
+        agreements(
+            events, len(events), self._pose, self._cell_px, velocity, time_s, self._parts, self._room, agreed
+        )  # fmt: skip
+        return agreed
 
     def _finish(self, events: Float32Array, moved_px: float) -> None:
         contours = self._contours
         speed = contours.speed_px_s
-        splat(events, len(events), self._pose, contours.cell_px, contours.velocity, contours.drawn)
+        splat(events, len(events), self._pose, contours.cell_px, contours.motion, contours.drawn)
         direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)

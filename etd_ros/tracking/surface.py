@@ -49,6 +49,10 @@ class TimeSurface:
         self.stamp_ns = stamp_ns
         self._data = data
 
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a place (pixels) lies on the sensor."""
+        return 0 <= x < self.width and 0 <= y < self.height
+
     def window(self, box: Box, margin: float) -> Window:
         """The pixels in a box and a margin (pixels) round it, as far as they lie on the sensor."""
         left, top = (int(max(0.0, np.floor(edge - margin))) for edge in (box.x, box.y))

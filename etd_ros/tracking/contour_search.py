@@ -1,0 +1,180 @@
+"""Looks for the contours of a target that is lost: where its motion would have brought it, and where it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from etd_ros.tracking.contour_kernels import SUMS, Float64Array
+from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.usual_looks import UsualLooks
+
+EVENTS_MIN = 15.0
+"""Fewer events under the model say nothing about the target."""
+CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
+"""From where on a place is looked at again, and is the target's; the last where its motion would have brought it, and
+where it comes back over the sensor's border."""
+FOUND_LOOKS = 2
+"""So many looks that follow one another have to be sure."""
+HERE_PX = 6.0
+COAST_S = 0.5
+"""The motion of a target that is not seen is believed for so long."""
+STEP_PX = 3.0
+RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
+SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
+"""How often contours are searched, and how soon again once they may be found: a search takes as long as ten looks, and
+many targets may be lost at once."""
+PATH_LOOKS, PATH_S = 6, 0.01
+"""The velocity of a candidate is that over its last looks, and after this time as sure as the one expected."""
+NEAR_PX = 3.0
+BORDER_PX = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where a target stood: at stamp_ns its pose and velocity, as those of `Contours`."""
+
+    stamp_ns: int
+    pose: Float64Array
+    velocity: Float64Array
+
+    @classmethod
+    def of(cls, contours: Contours) -> Standing:
+        """Where it stands now."""
+        return cls(contours.stamp_ns, contours.pose.copy(), contours.velocity.copy())
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """A look that may be of the target: its time (ns), place (pixels), the velocity there, and how sure it is."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    velocity: Float64Array
+    confidence: float
+
+    def predicted(self, stamp_ns: int) -> Float64Array:
+        return np.array([self.x, self.y]) + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9
+
+
+class ContourSearch:
+    """The search for one lost target.
+
+    Attributes:
+        is_unsettled: whether the target was found elsewhere than where its motion would have brought it, so that its
+            motion is not known.
+    """
+
+    def __init__(
+        self,
+        contours: Contours,
+        surface: TimeSurface,
+        usual: UsualLooks,
+        before: Standing,
+        usual_speed_px_s: float,
+        stamp_ns: int,
+        *,
+        has_left: bool,
+    ) -> None:
+        """Begin a search.
+
+        Args:
+            contours: model and pose of the target; the search moves its pose.
+            surface: the events.
+            usual: what looks at the target usually say.
+            before: where it stood when it was seen last.
+            usual_speed_px_s: how fast it usually moves.
+            stamp_ns: now.
+            has_left: whether it left over the sensor's border: it comes back over it.
+        """
+        self._contours = contours
+        self._surface = surface
+        self._usual = usual
+        self._before = before
+        self._usual_speed_px_s = usual_speed_px_s
+        self._has_left = has_left
+        self._begun_ns = self._searched_ns = stamp_ns
+        self._is_at_failure = False
+        self._wanted = CONFIDENCE_FOUND
+        self._path: list[_Seen] = []
+        self.is_unsettled = False
+
+    @property
+    def since_s(self) -> float:
+        """How long the search has lasted."""
+        return (self._surface.stamp_ns - self._begun_ns) * 1e-9
+
+    def coast(self) -> None:
+        """Move the pose on with the last velocity, for a while and not beyond the sensor."""
+        contours, surface = self._contours, self._surface
+        until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
+        x, y = self._before.pose[:2] + self._before.velocity * (until_ns - self._before.stamp_ns) * 1e-9
+        contours.pose[:2] = np.clip(x, 0, surface.width - 1), np.clip(y, 0, surface.height - 1)
+        contours.velocity[:] = self._before.velocity
+        contours.stamp_ns = surface.stamp_ns
+
+    def found(self) -> bool:
+        """Whether looks that follow one another find the target's contours; the pose is there then."""
+        stamp_ns = self._surface.stamp_ns
+        if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else SEARCH_NS):
+            return False
+        self._searched_ns = stamp_ns
+        look = self._look_again() if self._path else self._look_round()
+        confidence = self._usual.confidence_of_lost(look)
+        if confidence < CONFIDENCE_CANDIDATE or not self._is_possible(look):
+            # It may have stopped instead of moving on.
+            self._is_at_failure = not self._is_at_failure and not self._has_left
+            self._path = []
+            return False
+        self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence))
+        last = [seen.confidence for seen in self._path[-FOUND_LOOKS:]]
+        if len(last) < FOUND_LOOKS or min(last) < self._wanted:
+            return False
+        self._contours.pose[:2] = look.x, look.y
+        self._contours.velocity[:] = self._path[-1].velocity
+        return True
+
+    def _look_round(self) -> Look:
+        """The best place in a region that grows."""
+        contours = self._contours
+        radius_px = min(RADIUS_PX + GROWTH_PX_S * self.since_s, RADIUS_MAX_PX)
+        side = 2 * int(radius_px / STEP_PX) + 1
+        x, y = (float(value) for value in (self._before.pose if self._is_at_failure else contours.pose)[:2])
+        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, SUMS)), STEP_PX)
+        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, SUMS)), 1.0)
+        is_here = float(np.hypot(look.x - x, look.y - y)) < HERE_PX
+        self._wanted = CONFIDENCE_FOUND_HERE if is_here or self._has_left else CONFIDENCE_FOUND
+        self.is_unsettled = self._is_at_failure or not is_here
+        return look
+
+    def _look_again(self) -> Look:
+        """The best place near where the candidate's motion would have brought it."""
+        last, stamp_ns = self._path[-1], self._surface.stamp_ns
+        self._contours.velocity[:] = last.velocity
+        x, y = last.predicted(stamp_ns).tolist()
+        sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
+        radius = int(NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9)
+        radius = min(radius, int(RADIUS_MAX_PX))
+        return self._contours.look_at(self._surface, x, y, np.zeros((2 * radius + 1, 2 * radius + 1, SUMS)), 1.0)
+
+    def _velocity_to(self, look: Look) -> Float64Array:
+        if not self._path:
+            return np.zeros(2) if self._is_at_failure else self._before.velocity
+        first = self._path[-PATH_LOOKS:][0]
+        time_s = (self._surface.stamp_ns - first.stamp_ns) * 1e-9
+        moved = np.array([look.x - first.x, look.y - first.y])
+        return np.asarray((moved + PATH_S * self._path[-1].velocity) / (time_s + PATH_S))
+
+    def _is_possible(self, look: Look) -> bool:
+        """Whether it may be the target: with events, on the sensor, and first at its border if it left there."""
+        surface = self._surface
+        if look.events < EVENTS_MIN or not surface.holds(look.x, look.y):
+            return False
+        if self._path or not self._has_left:
+            return True
+        box = self._contours.box_at(look.x, look.y)
+        inside = min(box.x, box.y, surface.width - box.x - box.w, surface.height - box.y - box.h)
+        return inside <= BORDER_PX

@@ -1,0 +1,42 @@
+"""How fast a part of a pose changes: turning (rad/s) or growing (1/s, of the logarithm of the scale)."""
+
+from __future__ import annotations
+
+import math
+
+AGREEING_S = 0.2
+AGREEING = 3.0
+"""The sum of the misfits of about so long has to be so many times the root of the sum of their squares."""
+AVERAGE_S = 0.05
+"""A rate is an average over this time at least."""
+DECAY_S = 1.0
+
+
+class SteadyChange:
+    """Learns a rate from what looks say that a part is off by.
+
+    It stays 0 until the misfits of a while agree: noise must not turn what does not turn.
+
+    Attributes:
+        per_s: the rate.
+    """
+
+    def __init__(self, gain: float) -> None:
+        self._gain = gain
+        self.stop()
+
+    def stop(self) -> None:
+        """Nothing changes any more."""
+        self.per_s = 0.0
+        self._sum = self._squares = 0.0
+
+    def learn(self, misfit: float, elapsed_s: float) -> bool:
+        """Take what a look says that the part is off by, so long after the last one; whether it is known to change."""
+        kept = math.exp(-elapsed_s / AGREEING_S)
+        self._sum = kept * self._sum + misfit
+        self._squares = kept * self._squares + misfit**2
+        if self.per_s == 0 and abs(self._sum) <= AGREEING * math.sqrt(self._squares):
+            return False
+        self.per_s += self._gain * misfit / (elapsed_s + AVERAGE_S)
+        self.per_s *= math.exp(-elapsed_s / DECAY_S)
+        return True
