@@ -42,7 +42,7 @@ setup(
         "aedat": ["aedat>=2.3"],
         "bench": BENCHMARK_PEERS,
         "plot": ["matplotlib>=3.6"],
-        "recovery": ["torch>=2.2", "safetensors>=0.4"],
+        "recovery": ["torch>=2.6", "safetensors>=0.4"],
         "simulate": ["scikit-image>=0.22"],
         "test": TEST_REQUIREMENTS,
     },
