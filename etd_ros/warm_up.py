@@ -14,6 +14,7 @@ from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
+from etd_ros.tracking.pointed_object import PointedObject
 from etd_ros.tracking.start_up import LOOKS as START_LOOKS
 from msg_adapters import ENCODINGS, Layout, decoder_for
 from msg_adapters.header import Header, write_header
@@ -86,7 +87,7 @@ def _track() -> None:
 
 
 def _discover() -> None:
-    """A texture that moves as before a panning camera, and a square that moves otherwise."""
+    """A texture that moves as before a panning camera, and a square that moves otherwise; a click on it."""
     side = 5 * SENSOR_SIDE
     texture = np.random.default_rng(0).random((side, side)) < TEXTURE_SHARE
     discovery = Discovery(side, side)
@@ -98,6 +99,7 @@ def _discover() -> None:
         frame.flags.writeable = step % 2 == 0
         discovery.take((step + 1) * 5 * STEP_NS, frame)
         discovery.look(thorough=True)
+        PointedObject(side / 2, side / 2, discovery.events.stamp_ns).candidates(discovery)
 
 
 def _packet(encoding: str) -> bytes:

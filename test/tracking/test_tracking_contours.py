@@ -83,6 +83,32 @@ def test_a_target_that_shrinks_and_grows_keeps_a_fitting_box():
     assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.8
 
 
+def test_a_target_that_turns_does_not_drag_its_box_away():
+    ways = [Waypoint(t, 60 + 100 * t, 90, 1.0, 2.0 * t) for t in np.arange(0, 1.01, 0.05)]
+    found = tracked(scene_of(*ways))
+    _, report, truth = found[-1]
+    assert max(truth.w for _, _, truth in found) > 1.35 * SIZE
+    assert np.hypot(*np.subtract(report.box.center, truth.center)) < 2.0
+    upright = tracked(scene_of(*ways), config=ContourConfig(angle_gain=0.0))
+    assert np.hypot(*np.subtract(upright[-1][1].box.center, truth.center)) > 5.0
+
+
+def test_the_box_of_a_long_target_turns_with_it():
+    rng = np.random.default_rng(5)
+    ways = [Waypoint(t, 60 + 100 * t, 90, 1.0, 1.6 * t) for t in np.arange(0, 1.01, 0.05)]
+    scene = scene_of(*ways)
+    thing = Sprite("thing", checks(rng, 24, 56, cell=8), np.ones((24, 56)), Path(ways))
+    found = tracked(replace(scene, sprites=(thing,)))
+    _, report, truth = found[-1]
+    assert truth.h > 2 * truth.w
+    assert overlap(report, truth) > 0.75
+
+
+def test_a_target_that_does_not_turn_keeps_the_proportions_of_its_box():
+    found = tracked(scene_of(Waypoint(0, 50, 60), Waypoint(1, 190, 120)), Box(32, 44, 36, 30))
+    assert all(report.box.w / report.box.h == pytest.approx(1.2, rel=0.05) for _, report, _ in found)
+
+
 def pillar(x):
     return Sprite(
         "pillar", np.full((HEIGHT, 60), 0.5), np.ones((HEIGHT, 60)), Path([Waypoint(0, x, HEIGHT / 2)]), is_target=False
@@ -105,6 +131,36 @@ def test_a_target_that_leaves_is_lost_within_a_fifth_of_a_second():
     gone_s = next(time_s for time_s in np.arange(0, 1.4, 0.005) if scene.box("thing", time_s).x >= WIDTH)
     assert all(report.box is None for time_s, report, _ in found if time_s > gone_s + 0.2)
     assert found[-1][1].state in (TargetState.LOST, TargetState.RECOVERING)
+
+
+def test_a_target_that_left_comes_back_over_the_border():
+    ways = [Waypoint(0, 140, 90), Waypoint(0.5, 290, 90), Waypoint(0.8, 290, 90), Waypoint(1.3, 140, 90)]
+    scene = scene_of(*ways, duration_s=1.3)
+    found = tracked(scene)
+    inside = [time_s for time_s, _, truth in found if time_s > 0.8 and truth.x + truth.w < WIDTH - 2]
+    back = [(report, truth) for time_s, report, truth in found if time_s > inside[0] + 0.1]
+    assert all(overlap(report, truth) > 0.5 for report, truth in back)
+
+
+def test_a_target_with_no_stamp_that_is_lost_is_looked_for_when_time_goes_back():
+    scene = scene_of(Waypoint(0, 30, 90), Waypoint(1.2, 210, 90), duration_s=1.2, cover=(pillar(125),))
+    frames = frames_of(scene)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene.box("thing", 0.0))
+    hidden = [frame for frame in frames if (frame.stamp_ns - START_NS) * 1e-9 < 0.75]
+    for frame in hidden:
+        (report,) = tracker.update(frame.stamp_ns, frame.data)
+    assert scene.visible_share("thing", 0.7) < 0.5
+    assert report.score == 0.0
+    # The thing comes out of the pillar, at times that are ten seconds earlier.
+    after = [
+        (
+            tracker.update(frame.stamp_ns - 10_000_000_000, frame.data)[0],
+            scene.box("thing", (frame.stamp_ns - START_NS) * 1e-9),
+        )
+        for frame in frames[len(hidden) :]
+    ]
+    assert overlap(*after[-1]) > 0.5
 
 
 def test_a_target_starts_where_it_was_at_its_stamp_not_where_the_first_frame_finds_it():

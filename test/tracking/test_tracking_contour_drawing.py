@@ -1,0 +1,129 @@
+"""The contour tracker's drawing kernels against what they say they do, in NumPy."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from etd_ros.tracking.contour_drawing import agreements, blur, coherence, learn, normalise, splat
+from etd_ros.tracking.contour_kernels import DENSITY, GRADIENT_X, GRADIENT_Y, MAPS, RIDGE, WEIGHT
+
+ROWS, COLUMNS = 20, 24
+STILL = np.zeros(4)
+UPRIGHT = np.array([30.0, 40.0, 1.0, 0.0])
+
+
+def points_at(x, y, polarity=1.0, age_s=0.0):
+    x, y = np.broadcast_arrays(np.asarray(x, np.float32), np.asarray(y, np.float32))
+    return np.stack([x, y, np.full_like(x, age_s), np.full_like(x, polarity)], axis=1).astype(np.float32)
+
+
+def drawn_and_normalised(points):
+    drawn = np.zeros((2, ROWS, COLUMNS), np.float32)
+    splat(points, len(points), UPRIGHT, 1.0, STILL, drawn)
+    normalise(drawn, np.zeros_like(drawn), np.ones((ROWS, COLUMNS), np.float32), 1.0)
+    return drawn
+
+
+@settings(deadline=None)
+@given(x=st.floats(20.5, 39), y=st.floats(32, 48), scale=st.floats(0.5, 2.0), angle=st.floats(-3, 3))
+def test_a_drawn_point_weighs_one_in_all_round_its_place(x, y, scale, angle):
+    drawn = np.zeros((2, ROWS, COLUMNS), np.float32)
+    pose = np.array([30.0, 40.0, scale, angle])
+    inside = splat(points_at([x], [y]), 1, pose, 1.0, STILL, drawn)
+    assert drawn.sum() == pytest.approx(inside, abs=1e-4)
+    if inside:
+        turned = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]) @ [x - 30, y - 40] / scale
+        columns, rows = drawn[0].sum(axis=0) @ np.arange(COLUMNS), drawn[0].sum(axis=1) @ np.arange(ROWS)
+        np.testing.assert_allclose([columns, rows], turned + np.array([COLUMNS - 1, ROWS - 1]) / 2, atol=1e-3)
+
+
+def test_smoothing_is_a_gaussian_of_one_cell_inside():
+    drawn = np.zeros((2, ROWS, COLUMNS), np.float32)
+    drawn[1, 10, 12] = 1
+    blur(drawn, np.zeros_like(drawn))
+    kernel = np.array([1, 4, 6, 4, 1]) / 16
+    np.testing.assert_allclose(drawn[1, 8:13, 10:15], np.outer(kernel, kernel), atol=1e-6)
+    assert drawn[0].max() == 0
+
+
+def test_only_the_gradient_along_the_motion_is_learnt():
+    maps = np.zeros((MAPS, ROWS, COLUMNS), np.float32)
+    maps[WEIGHT] = 1
+    learn(maps, drawn_and_normalised(points_at(np.arange(23.0, 38.0), 40.0)), np.array([1.0, 0.0, 0.0, 0.0]), 1.0)
+    assert np.abs(maps[GRADIENT_X]).max() > 0
+    assert np.abs(maps[GRADIENT_Y]).max() == 0
+    assert maps[RIDGE].sum() == pytest.approx(0, abs=1e-3)
+    assert maps[DENSITY].min() >= 0
+
+
+def test_what_turns_teaches_each_place_the_gradient_along_its_own_way():
+    maps = np.zeros((MAPS, ROWS, COLUMNS), np.float32)
+    maps[WEIGHT] = 1
+    drawn = np.zeros((2, ROWS, COLUMNS), np.float32)
+    drawn[0, 2, 11], drawn[1, 17, 11] = 1.0, 1.0
+    learn(maps, drawn, np.array([0.0, 0.0, 0.1, 0.0]), 1.0)
+    # Above the middle things move to the right, below it to the left: one slope explains both.
+    assert maps[GRADIENT_X, 2, 11] > 0.1
+    assert maps[GRADIENT_X, 17, 11] == pytest.approx(maps[GRADIENT_X, 2, 11], rel=1e-5)
+    again = maps.copy()
+    learn(again, drawn, np.array([0.0, 0.0, 0.1, 0.0]), 1.0)
+    assert abs(0.75 * again[GRADIENT_X, 2, 11] - 1) < abs(0.75 * maps[GRADIENT_X, 2, 11] - 1)
+
+
+def test_points_of_what_turns_and_grows_are_drawn_where_they_are_now():
+    drawn = np.zeros((2, ROWS, COLUMNS), np.float32)
+    splat(points_at([36.0], [40.0], age_s=0.1), 1, UPRIGHT, 1.0, np.array([10.0, 0.0, 1.0, -2.0]), drawn)
+    columns, rows = drawn[0].sum(axis=0) @ np.arange(COLUMNS), drawn[0].sum(axis=1) @ np.arange(ROWS)
+    # 7 px to the right of the middle after moving; a fifth nearer, and a tenth of 7 px down.
+    np.testing.assert_allclose([columns, rows], [5.6 + (COLUMNS - 1) / 2, 0.7 + (ROWS - 1) / 2], atol=1e-4)
+
+
+def agreement_of(points, velocity, time_s=0.03):
+    weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    velocity, shares = np.array(velocity, float), np.ones(len(points), np.float32)
+    return coherence(points, len(points), shares, weight, UPRIGHT, 1.0, velocity, time_s, parts, parts[0].copy())
+
+
+def test_events_agree_best_for_the_right_motion():
+    rng = np.random.default_rng(3)
+    start, elapsed_s = np.round(rng.uniform(-6, 6, (300, 2)) / 4) * 4, rng.uniform(0, 0.03, 300)
+    moved = start + np.array([200.0, -100.0]) * elapsed_s[:, None] + [30, 40]
+    points = np.column_stack([moved, -elapsed_s, np.ones(300)]).astype(np.float32)
+    speeds = [(x, y) for x in range(-400, 401, 100) for y in range(-400, 401, 100)]
+    assert speeds[int(np.argmax([agreement_of(points, speed) for speed in speeds]))] == (200, -100)
+
+
+def test_what_a_single_part_of_the_time_draws_agrees_with_nothing():
+    once = points_at(np.linspace(25, 35, 100), 40.0, age_s=-0.001)
+    assert agreement_of(once, (0, 0)) == 0
+    often = np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
+    assert agreement_of(often, (0, 0)) > 1
+
+
+def test_opposite_polarities_disagree():
+    turned = np.concatenate([points_at([30.0], 40.0, 1 - 2 * (part % 2), -0.01 * part) for part in (0, 1)])
+    assert agreement_of(turned.reshape(-1, 4), (0, 0)) < 0
+
+
+def test_events_that_count_for_nothing_agree_with_nothing():
+    often = np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
+    weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    shares, velocity = np.zeros(100, np.float32), np.zeros(2)
+    assert coherence(often, 100, shares, weight, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy()) == 0
+
+
+def test_each_event_agrees_with_those_of_other_times_that_move_like_it():
+    ages_s = -np.repeat([0.001, 0.01, 0.02, 0.029], 3)
+    start = np.tile([22.0, 29.0, 36.0], 4)
+    moving, still = (
+        np.column_stack([start - speed * ages_s, np.full(12, row), ages_s, np.ones(12)]).astype(np.float32)
+        for speed, row in ((200.0, 36.0), (0.0, 44.0))
+    )
+    beside = points_at([1000.0], [40.0], age_s=-0.01)
+    points = np.concatenate([moving, still, beside])
+    parts, agreed = np.zeros((4, 2, ROWS, COLUMNS), np.float32), np.full(25, np.nan, np.float32)
+    velocity = np.array([200.0, 0.0])
+    agreements(points, 25, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy(), agreed)
+    assert agreed[:12].mean() > 2 * agreed[12:24].mean()
+    assert agreed[24] == 0

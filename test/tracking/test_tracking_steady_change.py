@@ -1,0 +1,33 @@
+"""Rates of turning and growing."""
+
+import numpy as np
+
+from etd_ros.tracking.steady_change import SteadyChange
+
+
+def test_noise_is_no_change():
+    change, rng = SteadyChange(0.3), np.random.default_rng(0)
+    believed = [change.learn(float(misfit), 0.005) for misfit in 0.01 * rng.choice([-1.0, 1.0], 200)]
+    assert change.per_s == 0
+    assert not any(believed)
+
+
+def test_misfits_that_agree_become_a_rate_that_makes_up_for_them():
+    change, angle_rad, turning_rad_s = SteadyChange(0.3), 0.0, 2.0
+    for look in range(400):
+        angle_rad += change.per_s * 0.005
+        misfit = float(np.clip(turning_rad_s * 0.005 * (look + 1) - angle_rad, -0.025, 0.025))
+        if change.learn(misfit, 0.005):
+            angle_rad += 0.3 * misfit
+    assert abs(turning_rad_s * 2.0 - angle_rad) < 0.03
+    assert 1.5 < change.per_s < 2.1
+
+
+def test_what_was_known_to_change_is_not_any_more_when_it_is_stopped():
+    change = SteadyChange(0.3)
+    while not change.learn(0.01, 0.005):
+        pass
+    assert change.per_s > 0
+    change.stop()
+    assert change.per_s == 0
+    assert not change.learn(0.01, 0.005)
