@@ -29,7 +29,8 @@ many targets may be lost at once."""
 PATH_LOOKS, PATH_S = 6, 0.01
 """The velocity of a candidate is that over its last looks, and after this time as sure as the one expected."""
 NEAR_PX = 3.0
-BORDER_PX = 2.0
+BORDER_PX, BORDER_S = 2.0, 0.03
+"""What comes back over the border is this near to it when it is seen first, or this time away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +163,17 @@ class ContourSearch:
 
     def _velocity_to(self, look: Look) -> Float64Array:
         if not self._path:
-            return np.zeros(2) if self._is_at_failure else self._before.velocity
+            return self._expected_velocity()
         first = self._path[-PATH_LOOKS:][0]
         time_s = (self._surface.stamp_ns - first.stamp_ns) * 1e-9
         moved = np.array([look.x - first.x, look.y - first.y])
         return np.asarray((moved + PATH_S * self._path[-1].velocity) / (time_s + PATH_S))
+
+    def _expected_velocity(self) -> Float64Array:
+        """That of a target before it is seen a second time: what has left comes back, what was left behind stands."""
+        if self._is_at_failure:
+            return np.zeros(2)
+        return -self._before.velocity if self._has_left else self._before.velocity
 
     def _is_possible(self, look: Look) -> bool:
         """Whether it may be the target: with events, on the sensor, and first at its border if it left there."""
@@ -177,4 +184,4 @@ class ContourSearch:
             return True
         box = self._contours.box_at(look.x, look.y)
         inside = min(box.x, box.y, surface.width - box.x - box.w, surface.height - box.y - box.h)
-        return inside <= BORDER_PX
+        return inside <= BORDER_PX + self._usual_speed_px_s * BORDER_S
