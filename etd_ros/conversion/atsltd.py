@@ -52,7 +52,7 @@ class AtsltdConfig(Parameters):
         low=0.01,
         high=1.0,
     )
-    fine_max_duration_s: float = parameter(0.02, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9)
+    fine_max_duration_s: float = parameter(0.01, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9)
     check_stride: int = parameter(50, "Distance of the checks of NZGE (events)", low=1, high=10_000)
 
     def __post_init__(self) -> None:
