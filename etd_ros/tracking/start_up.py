@@ -28,7 +28,10 @@ CELL = 1.5
 GRID_MARGIN = 1.5
 """Width and height of the start-up's grid in those of the box: it holds a ring of what lies round the target."""
 APART_PX = 3.0
-"""After so much motion, events that move like the ring are told from the target's."""
+"""After so much motion, events that move like the ring can be told from the target's."""
+APART_EVENTS_MAX = 2000
+"""Of more events every second, third, ... is enough for that."""
+RING_FITS = 2
 APART_ROUNDS = 2
 BEHIND_WEIGHT = 0.7
 """How much less an event counts that moves like the ring."""
@@ -56,8 +59,6 @@ class StartUp:
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
         self._ring = np.asarray(1 - self._weight, np.float32)
-        self._of_all = np.zeros(2)
-        self._of_ring = np.zeros(2)
         self._collected: list[Float32Array] = []
 
     def look(self, surface: TimeSurface) -> bool:
@@ -73,13 +74,17 @@ class StartUp:
         events = np.ascontiguousarray(np.concatenate(self._collected))
         if len(events) >= EVENTS_MIN:
             self._fit(events, max(time_s, elapsed_s, 1e-3))
+        moved = contours.speed_px_s * time_s
+        is_over = (
+            (len(self._collected) >= LOOKS and moved >= MOTION_MIN_PX) or moved >= MOTION_MAX_PX or time_s >= TIME_MAX_S
+        )
+        if is_over and moved > APART_PX:
+            self._tell_apart(events, time_s)
         contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
         contours.stamp_ns = surface.stamp_ns
-        moved = contours.speed_px_s * time_s
-        if (len(self._collected) < LOOKS or moved < MOTION_MIN_PX) and moved < MOTION_MAX_PX and time_s < TIME_MAX_S:
-            return False
-        self._finish(events, moved)
-        return True
+        if is_over:
+            self._finish(events, moved)
+        return is_over
 
     def _collect(self, points: Float32Array, stamp_ns: int) -> None:
         """Keep points with ages that count backwards from the start."""
@@ -90,16 +95,21 @@ class StartUp:
     def _fit(self, events: Float32Array, time_s: float) -> None:
         """The velocity with which the target's events agree best, near the one so far."""
         everything = np.ones(len(events), np.float32)
-        self._of_all = self._coherent(events, time_s, everything, self._weight, self._of_all)
-        velocity = self._of_all
-        if float(np.hypot(*velocity)) * time_s > APART_PX:
-            self._of_ring = self._coherent(events, time_s, everything, self._ring, self._of_ring)
-            behind = self._agreements(events, time_s, self._of_ring)
-            for _ in range(APART_ROUNDS):
-                own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
-                shares = np.asarray(own / (own + BEHIND_WEIGHT * behind), np.float32)
-                velocity = self._coherent(events, time_s, shares, self._weight, velocity)
-        self._contours.velocity = velocity.copy()
+        self._contours.velocity = self._coherent(events, time_s, everything, self._weight, self._contours.velocity)
+
+    def _tell_apart(self, events: Float32Array, time_s: float) -> None:
+        """Fit the velocity again, to events by how much better they agree at it than at that of the ring."""
+        velocity = ring = self._contours.velocity
+        events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
+        everything = np.ones(len(events), np.float32)
+        for _ in range(RING_FITS):
+            ring = self._coherent(events, time_s, everything, self._ring, ring)
+        behind = self._agreements(events, time_s, ring)
+        for _ in range(APART_ROUNDS):
+            own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
+            shares = np.asarray(own / (own + BEHIND_WEIGHT * behind), np.float32)
+            velocity = self._coherent(events, time_s, shares, self._weight, velocity)
+        self._contours.velocity = velocity
 
     def _coherent(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
