@@ -23,11 +23,6 @@ class UsualLooks:
         self._evidence: Float64Array | None = None
         self._motion = 1.0
 
-    @property
-    def is_known(self) -> bool:
-        """Whether a look was believed."""
-        return self._evidence is not None
-
     def learn(self, look: Look) -> None:
         """Take a look that is believed."""
         evidence = _evidence(look, look.motion)

@@ -18,7 +18,6 @@ def usual_of(*looks):
 
 
 def test_before_a_look_was_believed_every_look_is_as_usual():
-    assert not UsualLooks().is_known
     assert UsualLooks().confidence(look(0.1, 1.0)) == 1.0
 
 
