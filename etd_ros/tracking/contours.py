@@ -36,8 +36,8 @@ KEPT_MARGIN_PX = 10.0
 SCALE, ANGLE = 2, 3
 """Parts of a pose."""
 ROUNDNESS = 1.7
-"""The outline of a target that turns: |x / a|^p + |y / b|^p = 1 is an ellipse with 2, a rhombus with 1; seen from any
-side, it is as wide as something between an ellipse and a rectangle."""
+"""p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
+something between."""
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.15
 """How much of a misfit is a misfit of the rate."""
 SCALE_STEP = 0.04
