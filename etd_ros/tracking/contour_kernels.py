@@ -218,10 +218,13 @@ def _sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float
                 column = int(cosine * across + sine * down + columns / 2)
                 row = int(cosine * down - sine * across + rows / 2)
                 if 0 <= column < columns and 0 <= row < rows:
-                    for part in range(4):
-                        sums[j, i, part] += polarity * table[row, column, part]
-                    sums[j, i, 4] += table[row, column, 4]
-                    sums[j, i, 5] += table[row, column, 5]
+                    at, sum_of = table[row, column], sums[j, i]
+                    sum_of[0] += polarity * at[0]
+                    sum_of[1] += polarity * at[1]
+                    sum_of[2] += polarity * at[2]
+                    sum_of[3] += polarity * at[3]
+                    sum_of[4] += at[4]
+                    sum_of[5] += at[5]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -260,6 +263,9 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
     for _ in range(CLIMBS):
         for axis in range(2):
             for number in range(3):
+                if axis == 1 and number == 1:
+                    around[1, 1] = around[0, 1]
+                    continue
                 offset = (number - 1) * step_px
                 at_x, at_y = (x + offset, y) if axis == 0 else (x, y + offset)
                 found = _sums(points, count, maps, at_x, at_y, cosine, sine, velocity)

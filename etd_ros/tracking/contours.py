@@ -155,8 +155,11 @@ class Contours:
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        across, down = (side * float(self.pose[SCALE]) for side in self.size_px)
-        cos, sin = abs(math.cos(self.pose[ANGLE])), abs(math.sin(self.pose[ANGLE]))
+        scale, angle = float(self.pose[SCALE]), float(self.pose[ANGLE])
+        across, down = self.size_px[0] * scale, self.size_px[1] * scale
+        if angle == 0:
+            return Box(x - across / 2, y - down / 2, across, down)
+        cos, sin = abs(math.cos(angle)), abs(math.sin(angle))
         w = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
         h = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
         return Box(x - w / 2, y - h / 2, w, h)
@@ -277,8 +280,9 @@ class Contours:
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        self._learn(self._usual, rate)
-        self._learn(self._recent, max(rate, trust * RECENT_RATE))
+        direction = self._direction_by_the_cell()
+        learn(self._usual, self.drawn, direction, rate)
+        learn(self._recent, self.drawn, direction, max(rate, trust * RECENT_RATE))
         np.add(0.5 * self._usual, 0.5 * self._recent, out=self._both)
         self._see(rate)
 
@@ -293,7 +297,7 @@ class Contours:
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
         for maps in (self._usual, self._recent, self._both):
-            self._learn(maps, 1.0)
+            learn(maps, self.drawn, self._direction_by_the_cell(), 1.0)
         self._see(1.0)
         self._looks = looks_known
 
@@ -315,13 +319,15 @@ class Contours:
         if speed_px_s > SPEED_MIN_PX_S:
             self.direction = motion / speed_px_s
 
-    def _learn(self, maps: Float32Array, rate: float) -> None:
+    def _direction_by_the_cell(self) -> Float64Array:
+        """The direction of motion in the model's coordinates, as `learn` takes it."""
         by_the_cell = 1 / self._arm_cells
-        learn(maps, self.drawn, self._turned_direction() * (1.0, 1.0, by_the_cell, by_the_cell), rate)
+        return self._turned_direction() * (1.0, 1.0, by_the_cell, by_the_cell)
 
     def _see(self, rate: float) -> None:
         moving = self._turned_direction()[:2]
-        self._seen += rate * (1 - self.known) * np.outer(moving, moving)
+        share = rate * (1 - self.known)
+        self._seen += share * np.outer(moving, moving)
 
     def _turned_direction(self) -> Float64Array:
         """The direction of motion in the model's coordinates."""
@@ -337,9 +343,13 @@ class Contours:
     def _misfit(self, points: Float32Array, count: int, part: int, step: float) -> float:
         """By how much another scale (its logarithm) or angle (rad) fits the points better, at most half a step."""
         pose, values = self.pose.copy(), []
+        velocity, motion = self.motion, BIAS_PX * self.direction
         for number in (-1, 0, 1):
             pose[part] = self.pose[part] * (1 + number * step) if part == SCALE else self.pose[part] + number * step
-            score = self._score(points, count, pose, False)[0]
+            score = score_at(
+                points, count, self._maps, self._norms, pose, self.cell_px, velocity, motion, self.config.ridge_weight,
+                False,
+            )[0]  # fmt: skip
             # A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
             values.append(score / pose[SCALE])
         left, middle, right = values
