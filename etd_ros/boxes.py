@@ -36,6 +36,10 @@ class Box(NamedTuple):
             self.x - (factor - 1) * self.w / 2, self.y - (factor - 1) * self.h / 2, self.w * factor, self.h * factor
         )
 
+    def iou(self, other: Box) -> float:
+        """Intersection over union of two boxes."""
+        return float(iou(np.array([self], np.float64), other)[0])
+
     def check(self, width: int, height: int, name: str = "box") -> None:
         """Refuse a box that cannot hold an object of a width x height sensor.
 
@@ -56,8 +60,14 @@ class Box(NamedTuple):
 
 def iou(boxes: BoxArray, box: Box) -> npt.NDArray[np.float64]:
     """Intersection over union of each row with `box`, shape (n,)."""
-    x, y, w, h = boxes.T
-    overlap_w = np.minimum(x + w, box.x + box.w) - np.maximum(x, box.x)
-    overlap_h = np.minimum(y + h, box.y + box.h) - np.maximum(y, box.y)
+    return ious(boxes, np.array([box], np.float64))[:, 0]
+
+
+def ious(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
+    """Intersection over union of each row with each row of the others, shape (n, m)."""
+    x, y, w, h = boxes.T[:, :, None]
+    other_x, other_y, other_w, other_h = others.T[:, None, :]
+    overlap_w = np.minimum(x + w, other_x + other_w) - np.maximum(x, other_x)
+    overlap_h = np.minimum(y + h, other_y + other_h) - np.maximum(y, other_y)
     overlap = np.clip(overlap_w, 0, None) * np.clip(overlap_h, 0, None)
-    return np.asarray(overlap / (w * h + box.w * box.h - overlap), np.float64)
+    return np.asarray(overlap / (w * h + other_w * other_h - overlap), np.float64)

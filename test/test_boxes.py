@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etd_ros.boxes import Box, BoxError, iou
+from etd_ros.boxes import Box, BoxError, iou, ious
 
 boxes = st.builds(Box, *(st.floats(-100, 100),) * 2, *(st.floats(0.5, 100),) * 2)
 
@@ -24,6 +24,20 @@ def test_a_box_overlaps_itself_fully(box):
 
 def test_half_overlapping_squares_share_a_third():
     np.testing.assert_allclose(iou(np.array([(5, 0, 10, 10), (20, 0, 10, 10)], float), Box(0, 0, 10, 10)), [1 / 3, 0])
+
+
+def shared_part(box, other):
+    across = min(box.x + box.w, other.x + other.w) - max(box.x, other.x)
+    down = min(box.y + box.h, other.y + other.h) - max(box.y, other.y)
+    shared = max(across, 0.0) * max(down, 0.0)
+    return shared / (box.w * box.h + other.w * other.h - shared)
+
+
+@given(st.lists(boxes, min_size=1, max_size=4), st.lists(boxes, min_size=1, max_size=3))
+def test_every_pair_of_boxes_shares_what_the_two_share(first, second):
+    expected = [[shared_part(box, other) for other in second] for box in first]
+    np.testing.assert_allclose(ious(np.array(first, float), np.array(second, float)), expected)
+    np.testing.assert_allclose([[box.iou(other) for other in second] for box in first], expected)
 
 
 @given(boxes, st.floats(0.1, 5))

@@ -15,11 +15,10 @@ from etd_ros.evaluation.starting_summary import StartSummary, by_kind, summarise
 from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
 from etd_ros.output_files import check_outputs
 from etd_ros.settings import Settings
-from etd_ros.simulation import SUITE, random_sequence, sequence_named
+from etd_ros.simulation import SUITE, random_sequences, sequence_named
 from etd_ros.simulation import Sequence as Simulated
 from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
 
-RANDOM_SIZES = ((240, 180), (346, 260))
 JOBS_MAX = 64
 HEADER = (
     f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
@@ -116,8 +115,7 @@ def _sequences(options: argparse.Namespace) -> list[Simulated]:
     if options.random < 1 or options.seed < 0:
         msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
         raise EvaluationError(msg)
-    seeds = range(options.seed, options.seed + options.random)
-    return [random_sequence(seed, *RANDOM_SIZES[seed % len(RANDOM_SIZES)]) for seed in seeds]
+    return random_sequences(range(options.seed, options.seed + options.random))
 
 
 def _row(name: str, results: Sequence[TargetResult]) -> str:

@@ -6,9 +6,6 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from etd_ros.boxes import iou
 from etd_ros.evaluation.table import EvaluationError
 from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
@@ -84,4 +81,4 @@ def _score_target(name: str, track: Sequence[TrackRow], truth: Sequence[TimedBox
 
 def _overlap(track: Sequence[TrackRow], last: int, label: TimedBox) -> float:
     box = track[last].box if last >= 0 else None
-    return 0.0 if box is None else float(iou(np.array([box], np.float64), label.box)[0])
+    return 0.0 if box is None else box.iou(label.box)

@@ -212,7 +212,7 @@ class AutoStarts:
             self._judge(stamp_ns, boxes[name], truth)
 
     def _judge(self, stamp_ns: int, box: Box, truth: dict[str, Box]) -> None:
-        overlaps = {name: overlap(box, other) for name, other in truth.items()}
+        overlaps = {name: box.iou(other) for name, other in truth.items()}
         best = max(overlaps, key=overlaps.__getitem__, default=None)
         if best is not None and overlaps[best] >= SUCCESS_IOU:
             self._found_ns.setdefault(best, stamp_ns)
@@ -266,7 +266,7 @@ class ClickTrial:
             return
         for name, box in self._starter.take(stamp_ns, frame, ()).starts:
             truth = self._things.boxes(stamp_ns, HARDLY_SEEN)
-            self._ious[name] = overlap(on_sensor(box, self._things.scene), truth[name]) if name in truth else 0.0
+            self._ious[name] = on_sensor(box, self._things.scene).iou(truth[name]) if name in truth else 0.0
 
     def answers(self) -> list[ClickAnswer]:
         """What each click brought, in the order of the scene."""
@@ -298,8 +298,3 @@ def on_sensor(box: Box, scene: Scene) -> Box:
     left, top = max(box.x, 0.0), max(box.y, 0.0)
     right, bottom = min(box.x + box.w, float(scene.width)), min(box.y + box.h, float(scene.height))
     return Box(left, top, max(1e-3, right - left), max(1e-3, bottom - top))
-
-
-def overlap(box: Box, other: Box) -> float:
-    """Intersection over union of two boxes."""
-    return float(iou(np.array([box], np.float64), other)[0])

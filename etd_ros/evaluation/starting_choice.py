@@ -14,20 +14,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
+from etd_ros.boxes import ious
 from etd_ros.engine import track
 from etd_ros.evaluation.starting import CLICK_MEMORY_S, CLICK_PLACES, CLICK_TIMES_S, WELL_SEEN, Things, on_sensor
 from etd_ros.evaluation.suite import NS_PER_S, START_NS
 from etd_ros.events import concatenate
 from etd_ros.simulation import Sequence as Simulated
-from etd_ros.simulation import random_sequence
+from etd_ros.simulation import random_sequences
 from etd_ros.stream import StreamGuard
-from etd_ros.tracking.click_candidates import FEATURES, ious
+from etd_ros.tracking.click_candidates import FEATURES
 from etd_ros.tracking.discovery import Discovery
 from etd_ros.tracking.pointed_object import LOOKS, PointedObject
 
 Float64Array = npt.NDArray[np.float64]
 
-RANDOM_SIZES = ((240, 180), (346, 260))
 POOR_IOU, GOOD_IOU = 0.4, 0.8
 """A candidate is worth 0 up to this IoU with the truth, 1 from that one on."""
 USEFUL_IOU = 0.5
@@ -114,8 +114,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=100, help="of the first one")
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.random)
-    sequences = (random_sequence(seed, *RANDOM_SIZES[seed % len(RANDOM_SIZES)]) for seed in seeds)
-    weights = fitted_weights(example for sequence in sequences for example in examples(sequence))
+    weights = fitted_weights(example for sequence in random_sequences(seeds) for example in examples(sequence))
     sys.stdout.writelines(f'"{name}": {weight:.2f},\n' for name, weight in zip(FEATURES, weights, strict=True))
 
 

@@ -17,7 +17,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from etd_ros.boxes import Box, iou
 from etd_ros.engine import track
 from etd_ros.evaluation.scoring import SUCCESS_IOU, Score, score
 from etd_ros.evaluation.tracks import TrackRow
@@ -214,7 +213,7 @@ class Judge:
 
     def _is_success(self, label: TimedBox) -> bool:
         row = self._row_at(label.stamp_ns)
-        return row is not None and row.box is not None and _iou(row.box, label.box) >= SUCCESS_IOU
+        return row is not None and row.box is not None and row.box.iou(label.box) >= SUCCESS_IOU
 
     def _delay_s(self, absence: AbsentTime) -> float:
         start_ns, end_ns = _stamp_ns(absence.start_s), _stamp_ns(absence.end_s)
@@ -246,8 +245,4 @@ class Judge:
         time_s = (row.stamp_ns - START_NS) / NS_PER_S
         if any(absence.start_s <= time_s < absence.end_s for absence in self._absences):
             return True
-        return row.box is None or _iou(row.box, self._scene.box(self._name, time_s)) < WRONG_IOU
-
-
-def _iou(box: Box, other: Box) -> float:
-    return float(iou(np.array([box], np.float64), other)[0])
+        return row.box is None or row.box.iou(self._scene.box(self._name, time_s)) < WRONG_IOU

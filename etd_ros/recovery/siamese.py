@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from etd_ros.boxes import Box, iou
+from etd_ros.boxes import Box
 from etd_ros.recovery.appearance import GreyImage
 from etd_ros.recovery.config import RecoveryConfig
 from etd_ros.recovery.crops import Crop, cut, exemplar_extent
@@ -138,7 +138,7 @@ class SiameseRecovery:
         ):
             self._agreeing.clear()
             return None
-        if self._agreeing and iou(np.array([candidate.box]), self._agreeing[-1])[0] < SAME_PLACE_IOU:
+        if self._agreeing and candidate.box.iou(self._agreeing[-1]) < SAME_PLACE_IOU:
             self._agreeing.clear()
         self._agreeing.append(candidate.box)
         if len(self._agreeing) < config.network_agreeing:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from etd_ros.simulation.recipes import SENSOR, STAYS_AWAY, Recipe
@@ -13,6 +15,7 @@ RANDOM_STREAM = 2
 """Beside the seed: no seed makes a scene of the fixed suite."""
 KINDS = ("ball", "dartboard", "car", "irregular", "plain", "panel")
 BACKGROUNDS = ("wall", "cloudy", "clutter", "tiles")
+SENSOR_SIZES = ((240, 180), (346, 260))
 SIZE_PX = (12.0, 200.0)
 SPEED_PX_S = (10.0, 3000.0)
 
@@ -35,6 +38,11 @@ def random_sequence(
     rng = np.random.default_rng([RANDOM_STREAM, seed, 0])
     recipe = _recipe(rng, min(width, height), duration_s, photographs)
     return Sequence(f"random-{seed}", _told(recipe), seed, width, height, recipe, stream=RANDOM_STREAM)
+
+
+def random_sequences(seeds: Iterable[int]) -> list[Sequence]:
+    """Random sequences on sensors of several sizes: a seed always has the same one."""
+    return [random_sequence(seed, *SENSOR_SIZES[seed % len(SENSOR_SIZES)]) for seed in seeds]
 
 
 def random_scene(

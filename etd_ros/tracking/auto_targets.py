@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from etd_ros.boxes import Box, iou
+from etd_ros.boxes import Box
 from etd_ros.tracking.clusters import Sighting
 from etd_ros.tracking.discovery import Discovery, shared
 from etd_ros.tracking.target import TargetState
@@ -52,7 +52,7 @@ class _Candidate:
         """IoU of a sighting's box with where the candidate has got to, with the mean of both velocities."""
         half_s = (stamp_ns - self.stamp_ns) * 0.5e-9
         box, (vx, vy) = self.sighting.box, np.add(self.sighting.velocity, sighting.velocity)
-        return _iou(Box(box.x + vx * half_s, box.y + vy * half_s, box.w, box.h), sighting.box)
+        return Box(box.x + vx * half_s, box.y + vy * half_s, box.w, box.h).iou(sighting.box)
 
     def see(self, sighting: Sighting, stamp_ns: int) -> None:
         """Go on to the next sighting of it."""
@@ -152,13 +152,9 @@ class Absences:
 
 def are_twins(box: Box, other: Box) -> bool:
     """Whether two targets' boxes are on one object."""
-    return _iou(box, other) > TWIN_IOU
+    return box.iou(other) > TWIN_IOU
 
 
 def is_same(box: Box, other: Box) -> bool:
     """Whether two boxes are of one object."""
-    return shared(box, other) > SAME_SHARED or _iou(box, other) > SAME_IOU
-
-
-def _iou(box: Box, other: Box) -> float:
-    return float(iou(np.array([box], np.float64), other)[0])
+    return shared(box, other) > SAME_SHARED or box.iou(other) > SAME_IOU

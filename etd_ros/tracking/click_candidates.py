@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from etd_ros.boxes import ious
 from etd_ros.tracking.contour_paths import contour_paths
 from etd_ros.tracking.discovery_kernels import Float32Array, Float64Array
 
@@ -85,16 +86,6 @@ def candidates(picture: Float32Array, room: Float64Array, seen: tuple[Float64Arr
         *(ious(boxes, others).max(axis=1, initial=0.0) for others in seen),
     )
     return Candidates(boxes, np.stack(features, axis=1).astype(np.float64))
-
-
-def ious(boxes: Float64Array, others: Float64Array) -> Float64Array:
-    """Intersection over union of each box with each other one, shape (n, m)."""
-    first, second = boxes[:, None], others[None]
-    shared = np.minimum(first[..., :2] + first[..., 2:], second[..., :2] + second[..., 2:]) - np.maximum(
-        first[..., :2], second[..., :2]
-    )
-    common = np.prod(np.maximum(shared, 0.0), axis=2)
-    return np.asarray(common / (first[..., 2:].prod(axis=2) + second[..., 2:].prod(axis=2) - common), np.float64)
 
 
 def _blobs(picture: Float32Array) -> Float64Array:

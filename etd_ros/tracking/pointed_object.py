@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from etd_ros.boxes import Box
-from etd_ros.tracking.click_candidates import FEATURES, Candidates, candidates, ious
+from etd_ros.boxes import Box, ious
+from etd_ros.tracking.click_candidates import FEATURES, Candidates, candidates
 from etd_ros.tracking.discovery import Discovery
 from etd_ros.tracking.discovery_kernels import AGE, Float32Array, Float64Array, X, Y, draw
 from etd_ros.tracking.local_motion import WINDOWS_S, motion_near

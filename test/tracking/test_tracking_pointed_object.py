@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from etd_ros.boxes import Box, iou
-from etd_ros.tracking.click_candidates import FEATURES, candidates, ious
+from etd_ros.boxes import Box, iou, ious
+from etd_ros.tracking.click_candidates import FEATURES, candidates
 from etd_ros.tracking.contour_paths import best_paths, contour_paths
 from etd_ros.tracking.discovery import Discovery
 from etd_ros.tracking.local_motion import EVENTS_MIN, motion_near

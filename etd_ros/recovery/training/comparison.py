@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.boxes import Box, iou
+from etd_ros.boxes import Box
 from etd_ros.recovery.interface import RecoveryTracker
 from etd_ros.recovery.training.episodes import REMEMBERED_SHARE_MIN, SEEN_MIN, Episode
 
@@ -110,7 +110,7 @@ def searched_images(episode: Episode) -> Iterator[tuple[int, npt.NDArray[np.uint
 
 def is_right(box: Box, episode: Episode, index: int) -> bool:
     """Whether the target is at a box on an image."""
-    return episode.returns and bool(iou(np.array([box]), episode.box(index))[0] >= RIGHT_IOU)
+    return episode.returns and box.iou(episode.box(index)) >= RIGHT_IOU
 
 
 def row_of(tracker: str, outcomes: Iterable[Outcome]) -> Row:
