@@ -43,7 +43,8 @@ class EventMessageDecoder(Protocol):
         """One message.
 
         Raises:
-            MessageError: the bytes are cut short or no such message; the next message can be decoded all the same.
+            MessageError: the bytes are cut short, no such message, or hold too many events; the next message can be
+                decoded all the same.
         """
 
     def reset(self) -> None:

@@ -25,6 +25,10 @@ one compiled kernel reads them all, without a copy. (64-bit words are signed bec
 unsigned and a signed integer.)"""
 
 
+MESSAGE_EVENTS_MAX = 1 << 25
+"""Events that one message may hold: they take 0.4 GiB, and a mask of 2 bytes may claim 12 of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Triggers:
     """Edges seen at the camera's trigger inputs.
@@ -74,7 +78,7 @@ class WordDecoder(Protocol):
         """The events of a payload of whole words.
 
         Raises:
-            MessageError: the payload ends inside a word.
+            MessageError: the payload ends inside a word, or may hold more than `MESSAGE_EVENTS_MAX` events.
         """
 
     def reset(self) -> None:
@@ -119,6 +123,17 @@ class EventPool(ArrayPool):
     def __init__(self) -> None:
         super().__init__(np.int64, np.uint16, np.uint16, np.uint8)
         self._events_per_word = 1
+
+    def reserve(self, length: int) -> Arrays:
+        """See `ArrayPool.reserve`.
+
+        Raises:
+            MessageError: so many events that they are refused rather than given memory.
+        """
+        if length > MESSAGE_EVENTS_MAX:
+            msg = f"the message may hold {length} events, more than {MESSAGE_EVENTS_MAX}: send them in smaller messages"
+            raise MessageError(msg)
+        return super().reserve(length)
 
     def reserve_for_words(self, word_count: int) -> Arrays:
         """Arrays that are long enough for this many words if those have as many events as the words before.
