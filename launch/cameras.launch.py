@@ -95,7 +95,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(name, default_value=default, description=text, choices=TRUTH_VALUES.get(name))
         for name, (default, text) in ARGUMENTS.items()
     )
-    shared_memory = IncludeLaunchDescription(
-        PathJoinSubstitution([FindPackageShare("etd_ros"), "launch", "shared_memory.launch.py"])
+    middleware = IncludeLaunchDescription(
+        PathJoinSubstitution([FindPackageShare("etd_ros"), "launch", "middleware.launch.py"])
     )
-    return LaunchDescription([*arguments, shared_memory, OpaqueFunction(function=start_nodes)])
+    return LaunchDescription([*arguments, middleware, OpaqueFunction(function=start_nodes)])
