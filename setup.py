@@ -45,6 +45,7 @@ setup(
         "recovery": ["torch>=2.6", "safetensors>=0.4"],
         "simulate": ["scikit-image>=0.22"],
         "test": TEST_REQUIREMENTS,
+        "viz": ["rerun-sdk>=0.23"],
     },
     tests_require=TEST_REQUIREMENTS,
     zip_safe=False,

@@ -38,7 +38,7 @@ def write_beside(path: Path, content: bytes | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with _renamed_at_the_end(path) as partial:
+    with renamed_at_the_end(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
@@ -50,12 +50,17 @@ def written_beside(path: Path) -> Iterator[TextIO]:
     Raises:
         OutputError: the file cannot be written.
     """
-    with _renamed_at_the_end(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+    with renamed_at_the_end(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         yield file
 
 
 @contextmanager
-def _renamed_at_the_end(path: Path) -> Iterator[Path]:
+def renamed_at_the_end(path: Path) -> Iterator[Path]:
+    """A temporary name beside a file's own; what is written there is renamed when the block succeeds, else removed.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     _check_regular(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:

@@ -87,7 +87,7 @@ def draw_overlay(
     """
     _check(frame_data, image, scale)
     reports = tuple(reports)
-    panels = [_colour_events(frame_data)]
+    panels = [colour_events(frame_data)]
     if image is not None:
         panels.append(np.repeat(image[:, :, None], 3, axis=2))
     scale = scale or _default_scale(frame_data.shape[1], len(panels))
@@ -180,7 +180,8 @@ def _default_scale(width: int, panels: int) -> float:
     return float(round(scale)) if scale > 1 else max(SCALE_MIN, scale)
 
 
-def _colour_events(frame_data: npt.NDArray[np.uint8]) -> Picture:
+def colour_events(frame_data: npt.NDArray[np.uint8]) -> Picture:
+    """A frame, uint8, shape (h, w, 2), as a picture of its size: On blue, Off red, fading as they decay."""
     on, off = (frame_data[:, :, channel, None].astype(np.float32) / 255 for channel in (0, 1))
     # Where both polarities fired, the later one shows.
     colour = np.where(on >= off, np.asarray(ON, np.float32), np.asarray(OFF, np.float32))

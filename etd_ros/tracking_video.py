@@ -8,24 +8,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from etd_ros.afterglow import Afterglow, FrameData
 from etd_ros.evaluation import TimedBox
 from etd_ros.evaluation.overlaps import true_box
 from etd_ros.overlay import OverlayError, Picture, VideoWriter, draw_overlay
 from etd_ros.overlay_history import History
 from etd_ros.tracking import TargetReport
 
-FrameData = npt.NDArray[np.uint8]
-
 FPS = 30
 WIDTH = 1400
 """About the width of the pictures (pixels)."""
 NS_PER_S = 1_000_000_000
-FADE_NS, FADED = 5_000_000, 0.05
-"""Earlier frames fade with this time constant, and below this share are gone."""
 SLOW_MIN, SLOW_MAX = 0.1, 1000.0
 GAP_MAX_NS = 5 * NS_PER_S
 """Longer gaps between frames are left out."""
@@ -64,7 +60,7 @@ class _Shown:
     """A frame, and what its picture needs."""
 
     stamp_ns: int
-    frame_data: FrameData
+    width: int
     reports: tuple[TargetReport, ...]
     image: npt.NDArray[np.uint8] | None
 
@@ -81,6 +77,7 @@ class TrackingVideo:
         self._proposals = proposals
         self._truth = truth
         self._history = History()
+        self._afterglow = Afterglow()
         self._newest: _Shown | None = None
         self._picture: Picture | None = None
         self._start_ns = 0
@@ -104,7 +101,8 @@ class TrackingVideo:
         while self._due_ns < stamp_ns:
             self._write()
         self._history.take(stamp_ns, reports)
-        self._newest = _Shown(stamp_ns, self._over_earlier(stamp_ns, frame_data), reports, image)
+        self._afterglow.take(stamp_ns, frame_data)
+        self._newest = _Shown(stamp_ns, frame_data.shape[1], reports, image)
         self._picture = None
 
     def finish(self) -> None:
@@ -117,16 +115,6 @@ class TrackingVideo:
         """When the next picture is due, on the recording's clock (ns)."""
         return self._start_ns + math.ceil(self._written * self._interval_ns)
 
-    def _over_earlier(self, stamp_ns: int, frame_data: FrameData) -> FrameData:
-        """A frame over those of the milliseconds before it: a fine frame alone has too few events to show a shape."""
-        if self._newest is None or self._newest.frame_data.shape != frame_data.shape:
-            return frame_data
-        share = math.exp(-abs(stamp_ns - self._newest.stamp_ns) / FADE_NS)
-        if share < FADED:
-            return frame_data
-        faded = np.round(np.arange(256) * share).astype(np.uint8)
-        return np.maximum(frame_data, cv2.LUT(self._newest.frame_data, faded))
-
     def _write(self) -> None:
         if self._picture is None:
             self._picture = self._draw()
@@ -138,11 +126,11 @@ class TrackingVideo:
         shown = self._newest
         boxes = ((name, true_box(labels, shown.stamp_ns)) for name, labels in self._truth.items())
         return draw_overlay(
-            shown.frame_data,
+            self._afterglow.frame(),
             shown.reports,
             image=shown.image,
             stamp_ns=shown.stamp_ns,
-            scale=_scale(shown.frame_data.shape[1] * (1 if shown.image is None else 2)),
+            scale=_scale(shown.width * (1 if shown.image is None else 2)),
             proposals=self._proposals,
             truth={name: box for name, box in boxes if box is not None},
             history=self._history,

@@ -21,6 +21,7 @@ from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import check_matplotlib, overlap_png
 from etd_ros.recordings import open_recording
+from etd_ros.rerun_log import SPAWN, check_rerun, rerun_log
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
 from etd_ros.targets import TargetError, parse_click, parse_target, targets_from_file, unique_targets
 from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
@@ -59,6 +60,14 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         help="plot the overlap over time with the boxes of --truth, or those of --targets at later times",
     )
     parser.add_argument(
+        "--rerun",
+        nargs="?",
+        const=SPAWN,
+        metavar="FILE.rrd",
+        help="also log to the Rerun viewer: to one that is started for it, to this file, or to the viewer at an "
+        "address (rerun+http://HOST:9876/proxy)",
+    )
+    parser.add_argument(
         "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
     )
     parser.add_argument(
@@ -68,9 +77,11 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 
 def run(options: argparse.Namespace) -> int:
-    """Track, write the tracks (and the video, and the plot)."""
+    """Track, write the tracks (and the video, the plot and the log)."""
     method_named(options.method)
     check_outputs(options.output, options.video, options.plot)
+    if options.rerun is not None:
+        check_rerun(options.rerun)
     if options.plot is not None:
         check_matplotlib()
     if options.video is None and (options.proposals or options.slow != 1):
@@ -93,6 +104,7 @@ def run(options: argparse.Namespace) -> int:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(_video(options, truth)) if options.video else None
+        log = stack.enter_context(rerun_log(options.rerun)) if options.rerun is not None else None
         batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
         # Its thread ends before the recording that it reads is closed.
         steps = stack.enter_context(
@@ -114,6 +126,8 @@ def run(options: argparse.Namespace) -> int:
                 print(notice, file=sys.stderr)
             if video is not None:
                 video.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image)
+            if log is not None:
+                log.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image, step.frame.nzge)
     if plotted is not None:
         of_targets = overlaps(read_tracks(options.output), plotted)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))

@@ -69,6 +69,7 @@ class Pipeline(EtdNode):
         self._tracking.stop()
         self._imaging.stop()
         super().stop()
+        self._output.close()
 
     def _wanted(self) -> bool:
         return bool(
@@ -111,7 +112,7 @@ class Pipeline(EtdNode):
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
-        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions)
+        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions, frame.nzge)
 
 
 def main() -> int:

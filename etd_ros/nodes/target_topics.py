@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +15,11 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
+from etd_ros.afterglow import Afterglow, PictureRate
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
+from etd_ros.nodes.rerun_output import RerunOutput
 from etd_ros.nodes.worker import Handler, Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
@@ -50,8 +53,13 @@ class TrackingOptions(NodeOptions):
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
     auto: bool = parameter(False, "moving objects become targets auto_1, auto_2, ... by themselves")
+    rerun: str = parameter(
+        "", "logs to the Rerun viewer: FILE.rrd, `spawn` to start one, or the address of one that runs"
+    )
 
 
+OVERLAYS_PER_S = 30
+"""Frames come by the hundred a second; more pictures than that would cost a network more than events do."""
 UNNAMED_MAX = 64
 """Most boxes and clicks without a name that are targets at once: a detector that names nothing sends ever new ones."""
 
@@ -207,22 +215,29 @@ class ResetService:
 
 
 class TrackingOutput:
-    """Publishes `~/detections`, `~/search_regions`, `~/status` and `~/overlay`."""
+    """Publishes `~/detections`, `~/search_regions`, `~/status` and `~/overlay`, and logs to the Rerun viewer."""
 
     def __init__(self, node: EtdNode) -> None:
         self._detections = node.create_publisher(Detection2DArray, "~/detections", FRAME_QOS)
         self._search_regions = node.create_publisher(Detection2DArray, "~/search_regions", FRAME_QOS)
         self._status = node.create_publisher(DiagnosticArray, "~/status", FRAME_QOS)
         self._overlay = node.create_publisher(Image, "~/overlay", FRAME_QOS)
+        self._overlay_rate = PictureRate(OVERLAYS_PER_S)
+        self._afterglow = Afterglow()
+        self._rerun = RerunOutput(node, node.options.rerun)
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._frames_tracked = 0
         self._states: dict[str, str] = {}
 
     @property
     def subscribers(self) -> int:
-        """How many read the boxes, search regions, states or overlay."""
+        """How many read the boxes, search regions, states or overlay; the Rerun viewer is one of them."""
         publishers = (self._detections, self._search_regions, self._status, self._overlay)
-        return sum(publisher.get_subscription_count() for publisher in publishers)
+        return sum(publisher.get_subscription_count() for publisher in publishers) + self._rerun.is_open
+
+    def close(self) -> None:
+        """End the log to the Rerun viewer."""
+        self._rerun.close()
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
@@ -240,8 +255,9 @@ class TrackingOutput:
         image: npt.NDArray[np.uint8] | None,
         reports: tuple[TargetReport, ...],
         search_regions: Sequence[Box] | None,
+        nzge: float | None = None,
     ) -> None:
-        """Say what one frame brought; stamps and frame_id are those of the frame."""
+        """Say what one frame brought; stamps, frame_id and NZGE are those of the frame."""
         self._frames_tracked += 1
         self._states = {report.name: report.state.value for report in reports}
         detections = [
@@ -255,9 +271,12 @@ class TrackingOutput:
         if self._search_regions.get_subscription_count():
             regions = [Detection(id="", box=box, score=1.0, class_id="") for box in search_regions or ()]
             self._search_regions.publish(encode_detections(regions, stamp_ns=stamp_ns, frame_id=frame_id))
+        self._rerun.add(stamp_ns, frame, reports, image, nzge)
         if self._overlay.get_subscription_count():
-            picture = draw_overlay(frame, reports, image=image, stamp_ns=stamp_ns)
-            self._overlay.publish(encode_image(picture, stamp_ns=stamp_ns, frame_id=frame_id))
+            self._afterglow.take(stamp_ns, frame)
+            if self._overlay_rate.is_due(time.monotonic_ns()):
+                picture = draw_overlay(self._afterglow.frame(), reports, image=image, stamp_ns=stamp_ns)
+                self._overlay.publish(encode_image(picture, stamp_ns=stamp_ns, frame_id=frame_id))
 
     def _status_of(self, report: TargetReport, frame_id: str) -> DiagnosticStatus:
         return DiagnosticStatus(

@@ -132,6 +132,11 @@ class Tracker(EtdNode):
             )
         return sentences
 
+    def stop(self) -> None:
+        """End the worker, then what it logs to."""
+        super().stop()
+        self._output.close()
+
     def _name_input(self, topic: str, kind: str, provider: str) -> None:
         self.add_input(
             Input(topic, "sensor_msgs/msg/Image", "reliable", provider, lambda: self._received[kind], lambda: True)

@@ -9,8 +9,9 @@ from pathlib import Path
 
 ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
 PYTHON_MODULES = {"matplotlib", "numba", "numpy", "rich", "scipy"}
-OPTIONAL = {"aedat": "aedat", "safetensors": "recovery", "torch": "recovery"}
+OPTIONAL = {"aedat": "aedat", "rerun": "viz", "safetensors": "recovery", "torch": "recovery"}
 """Imported only by what needs them: extras of setup.py name them, package.xml does not."""
+DISTRIBUTIONS = {"rerun": "rerun-sdk"}
 OWN = {"etd_ros", "msg_adapters"}
 
 
@@ -45,7 +46,7 @@ def test_setup_py_has_an_extra_for_everything_that_is_optional(repository: Path)
     named = {ast.literal_eval(key): ast.unparse(value) for key, value in zip(extras.keys, extras.values, strict=True)}
     # The photographs of scikit-image's wheel are read as files, without an import.
     for package, extra in {**OPTIONAL, "scikit-image": "simulate"}.items():
-        assert f"'{package}>=" in named[extra], package
+        assert f"'{DISTRIBUTIONS.get(package, package)}>=" in named[extra], package
 
 
 def test_one_version_everywhere(repository: Path) -> None:
