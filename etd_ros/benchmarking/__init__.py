@@ -1,6 +1,7 @@
-"""Figures of the event path and the tracker beside those of other packages, on simulated streams and recordings."""
+"""Figures of the event path, the tracker and the live node, beside those of other packages where there are any."""
 
 from etd_ros.benchmarking.event_path import FULL, QUICK, Effort, event_path
+from etd_ros.benchmarking.live import live, missing_ros
 from etd_ros.benchmarking.peers import missing_packages
 from etd_ros.benchmarking.report import Row, as_json, check_writable, table, write
 from etd_ros.benchmarking.scaling import scaling, scaling_png
@@ -16,7 +17,9 @@ __all__ = [
     "as_json",
     "check_writable",
     "event_path",
+    "live",
     "missing_packages",
+    "missing_ros",
     "scaling",
     "scaling_png",
     "table",

@@ -33,12 +33,12 @@ class Row:
         what: the part of the event path.
         sensor: WIDTHxHEIGHT.
         value: our figure, the median over the rounds.
-        unit: Mev/s or ms.
+        unit: Mev/s, ms, ...
         peer: what it is held against; None if nothing is.
         peer_value: the peer's figure in the same unit.
         ratio: how many times as fast as the peer we are, the median over pairs of runs.
         stream: what was measured on.
-        spread: interquartile range over median of our times.
+        spread: interquartile range over median of our times; None of what was measured once.
         frames_per_s: frames made per second of computing; None where none are made.
         events_per_frame: their mean; None where none are made.
     """
@@ -51,14 +51,14 @@ class Row:
     peer_value: float | None
     ratio: float | None
     stream: str
-    spread: float
+    spread: float | None
     frames_per_s: float | None = None
     events_per_frame: float | None = None
 
 
 def table(rows: Sequence[Row]) -> Table:
     """The rows for a terminal."""
-    shown = Table(title="one thread")
+    shown = Table(title="figures")
     for heading in HEADINGS:
         shown.add_column(heading, justify="left" if heading in LEFT_ALIGNED else "right", no_wrap=True)
     previous: tuple[str, ...] = ()
@@ -147,7 +147,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         row.peer or "",
         _number(row.peer_value),
         "" if row.ratio is None else f"{row.ratio:.2f}",
-        f"{row.spread:.0%}",
+        "" if row.spread is None else f"{row.spread:.0%}",
         _number(row.frames_per_s),
         _number(row.events_per_frame),
     )

@@ -21,7 +21,9 @@ from etd_ros.benchmarking import (
     as_json,
     check_writable,
     event_path,
+    live,
     missing_packages,
+    missing_ros,
     scaling,
     scaling_png,
     table,
@@ -33,7 +35,11 @@ from etd_ros.plots import check_matplotlib
 
 T = TypeVar("T")
 
-GROUPS: dict[str, Callable[[Effort, Path | None], Iterator[Row]]] = {"event-path": event_path, "tracker": tracker}
+GROUPS: dict[str, Callable[[Effort, Path | None], Iterator[Row]]] = {
+    "event-path": event_path,
+    "tracker": tracker,
+    "live": live,
+}
 DATA_VARIABLE = "ETD_DATA"
 DATA_DEFAULT = Path("../shared/data")
 TABLE_WIDTH_MIN = 165
@@ -82,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if options.write is not None:
         check_writable(options.write)
     data = _data(options.data)
-    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or GROUPS)
+    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or _all_groups())
     rows = list(_shown(measured, lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
     if options.write is not None:
         write(options.write, rows)
@@ -92,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
         width = max(Console().width, TABLE_WIDTH_MIN)
         Console(width=width).print(table(rows))
     missing = missing_packages()
-    if missing:
+    if missing and options.groups != ["live"]:
         print(f"not installed, so not compared: {', '.join(missing)}; get them with: make bench", file=sys.stderr)
     return 0
 
@@ -102,6 +108,16 @@ def _draw_scaling(path: Path, effort: Effort) -> None:
     check_outputs(path)
     points = list(_shown(scaling(effort.events, effort.rounds), lambda point: f"{point.axis}, {point.part}"))
     write_beside(path, scaling_png(points))
+
+
+def _all_groups() -> Iterator[str]:
+    """Every group that can be measured here."""
+    missing = missing_ros()
+    for group in GROUPS:
+        if group == "live" and missing is not None:
+            print(f"live is not measured: it needs ROS 2, and {missing} cannot be imported", file=sys.stderr)
+        else:
+            yield group
 
 
 def _group(text: str) -> str:

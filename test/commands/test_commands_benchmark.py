@@ -92,9 +92,9 @@ def test_the_readme_gets_the_table_between_its_marks(output):
 
 def test_a_group_that_is_not_built_is_refused(capsys):
     with pytest.raises(SystemExit) as exit_:
-        main(["benchmark", "live"])
+        main(["benchmark", "guess"])
     assert exit_.value.code == 2
-    assert "'live' is no group of figures" in capsys.readouterr().err
+    assert "'guess' is no group of figures" in capsys.readouterr().err
 
 
 def test_a_folder_of_recordings_that_is_missing_is_refused(tmp_path, capsys):

@@ -1,0 +1,369 @@
+"""The bench of the live benchmark: a `pipeline` process, the load before it, and whoever reads its boxes behind it."""
+
+from __future__ import annotations
+
+import math
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import numpy.typing as npt
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.benchmarking.live_load import EVENTS, NS_PER_S, LoadGenerator, Play, Played, ros_node
+from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
+from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
+from etd_ros.benchmarking.streams import BenchmarkError
+from etd_ros.boxes import Box
+from etd_ros.nodes.base import FRAME_QOS
+from msg_adapters import Detection, decode_detections, decode_diagnostics, encode_detections
+
+NODE = "pipeline"
+SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
+DOMAIN_ID_MAX = 100
+TIMEOUT_S = 60.0
+END_TIMEOUT_S = 10.0
+LEAD_NS = 300_000_000
+"""From the order to the first event: the target is known to the node by then."""
+
+NS_PER_MS = 1_000_000
+MIB = 2**20
+READER_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=2000,
+)
+Seconds = npt.NDArray[np.float64]
+Milliseconds = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one play.
+
+    Attributes:
+        published: messages that the generator published.
+        late_ms: how late it published them, shape (published,).
+        decoded: messages that the node decoded.
+        losses: by the node's diagnostics, what grew meanwhile of `LOSSES`.
+        after_s: when each box's frame ended, since the start of the scene (s), shape (n,).
+        latency_ms: from publishing the message that holds a frame's end to receiving the frame's box, shape (n,).
+        iou: of each box with the truth, 0 where the target had none, shape (n,).
+        resident_mib: memory of the node during the play, shape (m,), and when that was (s), shape (m,).
+    """
+
+    published: int
+    late_ms: Milliseconds
+    decoded: int
+    losses: dict[str, int]
+    after_s: Seconds
+    latency_ms: Milliseconds
+    iou: npt.NDArray[np.float64]
+    resident_mib: npt.NDArray[np.float64]
+
+    @property
+    def is_lossless(self) -> bool:
+        """Whether every message was decoded, and nothing was missed."""
+        return self.decoded == self.published and not any(self.losses.values())
+
+    @property
+    def dropped(self) -> int:
+        """Messages that the node did not decode."""
+        return self.published - self.decoded
+
+
+LOSSES = ("dropped messages", "lost messages", "sequence gaps", "stream restarts", "decode errors", "errors")
+"""Keys of the node's diagnostics of which none may grow."""
+
+
+class Process:
+    """A `pipeline` process, and what it costs.
+
+    Args:
+        domain: ROS domain.
+        log: file for what it prints.
+    """
+
+    def __init__(self, domain: int, log: Path) -> None:
+        self.started_ns = time.monotonic_ns()
+        self._log = log
+        with log.open("wb") as output:
+            self._child = subprocess.Popen(
+                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", "-r", f"~/events:={EVENTS}"],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            )
+
+    @property
+    def resident_mib(self) -> float:
+        """Resident memory (MiB)."""
+        pages = int(self._proc("statm").split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / MIB
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time so far, over all threads (s)."""
+        # The name in parentheses may hold spaces.
+        fields = self._proc("stat").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def check(self) -> None:
+        """Complain if it has ended.
+
+        Raises:
+            BenchmarkError: with the end of what it printed.
+        """
+        if self._child.poll() is not None:
+            lines = self._log.read_text(errors="replace").strip().splitlines()
+            msg = f"the pipeline ended with exit code {self._child.returncode}: {lines[-1] if lines else 'no output'}"
+            raise BenchmarkError(msg)
+
+    def end(self) -> None:
+        """Interrupt it, wait, and kill it if it does not leave."""
+        self._child.send_signal(signal.SIGINT)
+        try:
+            self._child.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _proc(self, name: str) -> str:
+        self.check()
+        return Path(f"/proc/{self._child.pid}/{name}").read_text()
+
+
+class LiveBench:
+    """Starts the node, tells it its target, and listens.
+
+    Args:
+        domain: ROS domain.
+        folder: for what the node prints.
+    """
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain = domain
+        self._folder = folder
+        self._ros = ros_node("live_bench", domain)
+        self._process: Process | None = None
+        self._boxes: list[tuple[int, bytes]] = []
+        self._reader: Subscription | None = None
+        self._diagnostics: dict[str, str] = {}
+        self._diagnostics_ns = 0
+        self._misses_last = False
+
+    def __enter__(self) -> LiveBench:
+        self._node, self._executor = self._ros.__enter__()
+        self._targets = self._node.create_publisher(Detection2DArray, f"/{NODE}/targets", FRAME_QOS)
+        self._states = self._node.create_subscription(
+            DiagnosticArray, "/diagnostics", self._take_diagnostics, READER_QOS, raw=True
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.end_pipeline()
+        self._ros.__exit__(kind, error, trace)
+
+    @property
+    def process(self) -> Process:
+        """The node."""
+        assert self._process is not None
+        return self._process
+
+    def start_pipeline(self) -> None:
+        """Start the node; it is ready some seconds later."""
+        self._diagnostics = {}
+        self._process = Process(self.domain, self._folder / f"{NODE}.log")
+
+    def end_pipeline(self) -> None:
+        """End the node."""
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+    def read(self, topic: str | None) -> None:
+        """Read boxes from a topic, or no longer from any."""
+        if self._reader is not None:
+            self._node.destroy_subscription(self._reader)
+            self._reader = None
+        if topic is not None:
+            self._reader = self._node.create_subscription(Detection2DArray, topic, self._take_box, READER_QOS, raw=True)
+
+    def start_target(self, box: Box, stamp_ns: int) -> None:
+        """Have the target start at a box at a time (ns); a box of size 0 stops it."""
+        detection = Detection(TARGET, box, 1.0, TARGET)
+        self._targets.publish(encode_detections([detection], stamp_ns=stamp_ns, frame_id=""))
+
+    def figure(self, key: str) -> int:
+        """A count of the node's diagnostics, 0 where there is none."""
+        return int(self._diagnostics.get(key, 0))
+
+    @property
+    def listens(self) -> bool:
+        """Whether the node takes targets."""
+        return bool(self._targets.get_subscription_count())
+
+    @property
+    def reads_events(self) -> bool:
+        """Whether the node says that it reads events."""
+        return self._diagnostics.get("reading events") == "True"
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Listen until the condition holds.
+
+        Raises:
+            BenchmarkError: it never does, or the node has ended.
+        """
+        deadline_s = time.monotonic() + TIMEOUT_S
+        while not condition():
+            if time.monotonic() > deadline_s:
+                msg = f"waited {TIMEOUT_S:.0f} s in vain for {what}: see what `python -m etd_ros.nodes.pipeline` says"
+                raise BenchmarkError(msg)
+            self.spin_once()
+
+    def spin_once(self) -> None:
+        """Take what has come, or wait for it a little."""
+        self._executor.spin_once(timeout_sec=0.05)
+        if self._process is not None:
+            self._process.check()
+
+    def next_diagnostics(self) -> dict[str, str]:
+        """Listen until the node has said how it fares."""
+        now_ns = time.monotonic_ns()
+        self.wait_until(lambda: self._diagnostics_ns > now_ns, "the node's diagnostics")
+        return self._diagnostics
+
+    def listen_for(self, duration_s: float) -> None:
+        """Listen for some time (s)."""
+        end_s = time.monotonic() + duration_s
+        while time.monotonic() < end_s:
+            self.spin_once()
+
+    def first_box_ns(self) -> int:
+        """When the first box of the target was received (ns on the monotonic clock); waits for it."""
+        self._boxes.clear()
+        found: list[int] = []
+
+        def has_come() -> bool:
+            found.extend(at_ns for at_ns, message in self._boxes if decode_detections(message).detections)
+            self._boxes.clear()
+            return bool(found)
+
+        self.wait_until(has_come, "the first box")
+        return found[0]
+
+    def run(self, generator: LoadGenerator, scene: LiveScene, duration_s: float) -> Outcome:
+        """Have the generator play what it has prepared, for `duration_s`, the target starting anew; see what comes."""
+        if self._misses_last:
+            # What was lost last shows as a gap before the next message, which must not be this play's.
+            self._misses_last = False
+            self._play(generator, scene, generator.message_s)
+        outcome = self._play(generator, scene, duration_s)
+        self._misses_last = not outcome.is_lossless
+        return outcome
+
+    def _play(self, generator: LoadGenerator, scene: LiveScene, duration_s: float) -> Outcome:
+        # Nothing has been published since the node said this.
+        before = self._diagnostics
+        self._boxes.clear()
+        start_ns = rounded_start_ns(time.time_ns() + LEAD_NS)
+        self.start_target(scene.box(0), start_ns)
+        generator.play(Play(start_ns, duration_s))
+        resident_mib = []
+        while not generator.is_done:
+            self.spin_once()
+            resident_mib.append(self.process.resident_mib)
+        played = generator.played()
+        decoded = self._decoded_at_rest(before, len(played.published_ns))
+        losses = {key: self.figure(key) - int(before.get(key, 0)) for key in LOSSES}
+        after_s, latency_ms, iou = self._judged(played, scene)
+        return Outcome(
+            len(played.published_ns), played.late_ns / NS_PER_MS, decoded, losses, after_s, latency_ms, iou,
+            np.array(resident_mib),
+        )  # fmt: skip
+
+    def latencies(self, played: Played) -> tuple[Seconds, Milliseconds]:
+        """When the boxes are of (s since the start of the scene) and their latencies (ms), each of shape (n,)."""
+        stamps = np.array([decode_detections(message).stamp_ns for _, message in self._boxes], np.int64)
+        received = np.array([at_ns for at_ns, _ in self._boxes], np.int64)
+        self._boxes.clear()
+        return _seconds(played, stamps), _latencies(played, stamps, received)
+
+    def _decoded_at_rest(self, before: dict[str, str], published: int) -> int:
+        """How many messages the node has decoded since, once it has got all or gets no more."""
+        last = -1
+        while True:
+            now = int(self.next_diagnostics().get("event messages", 0)) - int(before.get("event messages", 0))
+            if now in (published, last):
+                return now
+            last = now
+
+    def _judged(self, played: Played, scene: LiveScene) -> tuple[Seconds, Milliseconds, npt.NDArray[np.float64]]:
+        messages = [(at_ns, decode_detections(message)) for at_ns, message in self._boxes]
+        messages = [(at_ns, message) for at_ns, message in messages if message.stamp_ns >= played.start_ns]
+        stamps = np.array([message.stamp_ns for _, message in messages], np.int64)
+        latency_ms = _latencies(played, stamps, np.array([at_ns for at_ns, _ in messages], np.int64))
+        iou = np.zeros(len(messages))
+        for index, (_, message) in enumerate(messages):
+            truth = scene.box((message.stamp_ns - played.start_ns) / NS_PER_US)
+            if message.detections:
+                iou[index] = message.detections[0].box.iou(truth)
+        return _seconds(played, stamps), latency_ms, iou
+
+    def _take_box(self, message: bytes) -> None:
+        self._boxes.append((time.monotonic_ns(), message))
+
+    def _take_diagnostics(self, message: bytes) -> None:
+        for status in decode_diagnostics(message).statuses:
+            if status.name == NODE:
+                self._diagnostics = dict(status.values)
+                self._diagnostics_ns = time.monotonic_ns()
+
+
+def rounded_start_ns(stamp_ns: int) -> int:
+    """The next time at which a scene can start."""
+    return math.ceil(stamp_ns / TIME_HIGH_NS) * TIME_HIGH_NS
+
+
+@contextmanager
+def own_domain() -> Iterator[int]:
+    """A ROS domain for this machine alone, with the shared-memory profile, for this process and those it starts."""
+    wanted = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(SHARED_MEMORY_PROFILE),
+    }
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield 1 + secrets.randbelow(DOMAIN_ID_MAX)
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _seconds(played: Played, stamps: npt.NDArray[np.int64]) -> Seconds:
+    return np.asarray((stamps - played.start_ns) / NS_PER_S, np.float64)
+
+
+def _latencies(played: Played, stamps: npt.NDArray[np.int64], received_ns: npt.NDArray[np.int64]) -> Milliseconds:
+    number = np.clip((stamps - played.start_ns) // played.message_ns, 0, len(played.published_ns) - 1)
+    return np.asarray((received_ns - played.published_ns[number]) / NS_PER_MS, np.float64)

@@ -1,0 +1,235 @@
+"""The live node's figures: latency, what it sustains, what it does above that, what it costs while idle, its start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.benchmarking.live_bench import NODE, LiveBench, Outcome, rounded_start_ns
+from etd_ros.benchmarking.live_load import ECHO, NS_PER_S, Echo, LoadGenerator, Play
+from etd_ros.benchmarking.live_scene import NS_PER_US, LiveScene
+from etd_ros.benchmarking.report import Row
+from etd_ros.boxes import Box
+from etd_ros.settings import STAGES
+from etd_ros.warm_up import warm_up
+
+MEV = 1_000_000
+DAVIS, VGA, HD = (240, 180), (640, 480), (1280, 720)
+BOXES = f"/{NODE}/detections"
+LATENCY_RATE = 1 * MEV
+LATENCY_MESSAGES_PER_S = (100, 250)
+MESSAGES_PER_S = 250
+SUSTAINED_RATES = tuple(round(rate * MEV) for rate in (0.5, 1, 2, 3, 4, 5, 6, 8, 10, 12.5, 15, 17.5, 20, 25, 30, 40))
+OVERLOAD_RATE = 50 * MEV
+RUN_IN_S = 1.0
+"""What of a play is not judged: the target's start, and what the node does for the first time."""
+
+RIGHT_IOU, RIGHT_SHARE = 0.5, 0.95
+"""Boxes are right where so many of them overlap the truth so far."""
+
+BACKLOG_S = 0.25
+"""Boxes that come later than this at the end of a play are those of a node that does not keep up."""
+
+SETTLE_S = 0.2
+"""How long after the last message echoes may come."""
+
+NO_BOX = Box(0, 0, 0, 0)
+Numbers = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LiveEffort:
+    """How long to measure.
+
+    Attributes:
+        sensors: on which what is sustained and what is too much are measured.
+        latency_s, probe_s, overload_s, idle_s: how long each play, or look, lasts.
+        rates: of which the highest sustained one is sought (events/s), rising.
+        starts: how often the node is started.
+    """
+
+    sensors: tuple[tuple[int, int], ...]
+    latency_s: float
+    probe_s: float
+    overload_s: float
+    idle_s: float
+    rates: tuple[int, ...]
+    starts: int
+
+
+FULL_LIVE = LiveEffort((DAVIS, VGA, HD), 6.0, 3.0, 5.0, 3.0, SUSTAINED_RATES, 3)
+QUICK_LIVE = LiveEffort((DAVIS,), 1.0, 1.5, 2.0, 1.5, (1 * MEV,), 1)
+
+
+def live_figures(bench: LiveBench, effort: LiveEffort) -> Iterator[Row]:
+    """All rows, one by one as they are measured.
+
+    Raises:
+        BenchmarkError: the node ends, or does not do its work.
+    """
+    warm_up(tuple(STAGES))
+    for sensor in effort.sensors:
+        with LoadGenerator(*sensor, bench.domain) as generator:
+            scene = LiveScene(*sensor)
+            if sensor == DAVIS:
+                yield from _floor(bench, generator, effort)
+                yield _start_to_box(bench, generator, scene, effort)
+            else:
+                bench.start_pipeline()
+            _attach(bench, generator)
+            if sensor == DAVIS:
+                yield from _latency(bench, generator, scene, effort)
+                yield from _idle(bench, generator, effort)
+            yield from _sustained(bench, generator, scene, effort)
+            yield from _overload(bench, generator, scene, effort)
+            bench.end_pipeline()
+
+
+def _attach(bench: LiveBench, generator: LoadGenerator) -> None:
+    """Read the node's boxes, and wait until events reach it."""
+    bench.read(BOXES)
+    bench.wait_until(lambda: bench.listens and bench.reads_events, "the node to read events")
+    bench.wait_until(lambda: generator.subscribers() == 1, "the node's subscription")
+
+
+def _floor(bench: LiveBench, generator: LoadGenerator, effort: LiveEffort) -> Iterator[Row]:
+    """What the messages' way to a process and a box's way back take without any work."""
+    bench.read(ECHO)
+    with Echo(bench.domain):
+        bench.wait_until(lambda: generator.subscribers() == 1, "the echo's subscription")
+        for messages_per_s in LATENCY_MESSAGES_PER_S:
+            generator.prepare(LATENCY_RATE, messages_per_s)
+            generator.play(Play(rounded_start_ns(time.time_ns()), RUN_IN_S + effort.latency_s))
+            bench.wait_until(lambda: generator.is_done, "the play's end")
+            bench.listen_for(SETTLE_S)
+            yield from _percentiles("latency_floor", messages_per_s, *bench.latencies(generator.played()))
+    bench.read(None)
+
+
+def _latency(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
+    for messages_per_s in LATENCY_MESSAGES_PER_S:
+        generator.prepare(LATENCY_RATE, messages_per_s)
+        outcome = bench.run(generator, scene, RUN_IN_S + effort.latency_s)
+        yield from _percentiles("latency", messages_per_s, outcome.after_s, outcome.latency_ms)
+
+
+def _percentiles(what: str, messages_per_s: int, after_s: Numbers, latency_ms: Numbers) -> Iterator[Row]:
+    """Over all boxes after the run-in; the spread is that of the same percentile of each second."""
+    seconds, latency_ms = after_s[after_s >= RUN_IN_S].astype(np.int64), latency_ms[after_s >= RUN_IN_S]
+    for percent in (50, 99):
+        each = [float(np.percentile(latency_ms[seconds == second], percent)) for second in np.unique(seconds)]
+        value = float(np.percentile(latency_ms, percent))
+        yield _figure(f"{what}_p{percent}", DAVIS, value, "ms", _told(LATENCY_RATE, messages_per_s), _spread(each))
+
+
+def _idle(bench: LiveBench, generator: LoadGenerator, effort: LiveEffort) -> Iterator[Row]:
+    generator.prepare(LATENCY_RATE, MESSAGES_PER_S)
+    value = _cpu_percent(bench, effort.idle_s)
+    yield _figure("idle_cpu", DAVIS, value, "% of a core", "subscribed, a target, no events")
+    bench.start_target(NO_BOX, 0)
+    bench.read(None)
+    bench.wait_until(lambda: not bench.reads_events, "the node to read events no longer")
+    generator.play(Play(rounded_start_ns(time.time_ns()), 2 * effort.idle_s))
+    value = _cpu_percent(bench, effort.idle_s)
+    generator.stop()
+    generator.played()
+    yield _figure("idle_cpu", DAVIS, value, "% of a core", f"{_told(LATENCY_RATE, MESSAGES_PER_S)}, nobody subscribed")
+    _attach(bench, generator)
+
+
+def _cpu_percent(bench: LiveBench, duration_s: float) -> float:
+    """The node's share of a core while it is left alone."""
+    before_s, started_s = bench.process.cpu_s, time.monotonic()
+    time.sleep(duration_s)
+    return 100 * (bench.process.cpu_s - before_s) / (time.monotonic() - started_s)
+
+
+def _sustained(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
+    """The highest of the rates that the node keeps up with, by halving: 0 where it is none of them."""
+    low, high = -1, len(effort.rates)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _keeps_up(bench, generator, scene, effort.rates[middle], effort.probe_s):
+            low = middle
+        else:
+            high = middle
+    value = effort.rates[low] / MEV if low >= 0 else 0.0
+    yield _figure("sustained", (scene.width, scene.height), value, "Mev/s", f"{MESSAGES_PER_S} msg/s")
+
+
+def _keeps_up(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, rate: int, duration_s: float) -> bool:
+    generator.prepare(rate, MESSAGES_PER_S)
+    outcome = bench.run(generator, scene, duration_s)
+    return outcome.is_lossless and is_right(outcome) and is_up_to_date(outcome, duration_s)
+
+
+def is_right(outcome: Outcome) -> bool:
+    """Whether the boxes are where the target is."""
+    return bool(len(outcome.iou)) and float(np.mean(outcome.iou >= RIGHT_IOU)) >= RIGHT_SHARE
+
+
+def is_up_to_date(outcome: Outcome, duration_s: float) -> bool:
+    """Whether boxes came until the end of the play, without a backlog."""
+    last = outcome.after_s >= duration_s - BACKLOG_S
+    return bool(last.any()) and float(np.median(outcome.latency_ms[last])) < 1e3 * BACKLOG_S
+
+
+def _overload(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
+    generator.prepare(OVERLOAD_RATE, MESSAGES_PER_S)
+    outcome = bench.run(generator, scene, RUN_IN_S + effort.overload_s)
+    judged = outcome.after_s >= RUN_IN_S
+    sensor, told = (scene.width, scene.height), _told(OVERLOAD_RATE, MESSAGES_PER_S)
+    yield _figure("overload_latency_p99", sensor, float(np.percentile(outcome.latency_ms[judged], 99)), "ms", told)
+    yield _figure("overload_dropped", sensor, 100 * outcome.dropped / outcome.published, "% of messages", told)
+    yield _figure("overload_iou", sensor, float(np.mean(outcome.iou[judged])), "IoU", told)
+    yield _figure("overload_growth", sensor, _growth_mib(outcome), "MiB", told)
+
+
+def _growth_mib(outcome: Outcome) -> float:
+    """How much more memory the node has at the end of a play than once its queue is full."""
+    parts = np.array_split(outcome.resident_mib, 4)
+    return float(parts[-1].max() - parts[1].max())
+
+
+def _start_to_box(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Row:
+    """From the start of the process to the first box, while events come. The last process stays."""
+    generator.prepare(LATENCY_RATE, MESSAGES_PER_S)
+    start_ns = rounded_start_ns(time.time_ns())
+    generator.play(Play(start_ns, 60.0 * effort.starts))
+    bench.read(BOXES)
+    times_s: list[float] = []
+    for _ in range(effort.starts):
+        if times_s:
+            bench.end_pipeline()
+            bench.wait_until(lambda: not bench.listens, "the node to be gone")
+        bench.start_pipeline()
+        bench.wait_until(lambda: bench.listens, "the node to take targets")
+        now_ns = time.time_ns()
+        bench.start_target(scene.box((now_ns - start_ns) / NS_PER_US), now_ns)
+        times_s.append((bench.first_box_ns() - bench.process.started_ns) / NS_PER_S)
+    generator.stop()
+    generator.played()
+    told = _told(LATENCY_RATE, MESSAGES_PER_S)
+    return _figure("start_to_box", DAVIS, float(np.median(times_s)), "s", told, _spread(times_s))
+
+
+def _told(rate: float, messages_per_s: int) -> str:
+    return f"{rate / MEV:g} Mev/s, {messages_per_s} msg/s"
+
+
+def _spread(values: Sequence[float]) -> float | None:
+    """Interquartile range over median; None of a single value."""
+    if len(values) < 2:
+        return None
+    low, middle, high = np.percentile(values, (25, 50, 75))
+    return float((high - low) / middle)
+
+
+def _figure(
+    what: str, sensor: tuple[int, int], value: float, unit: str, stream: str, spread: float | None = None
+) -> Row:
+    return Row(what, f"{sensor[0]}x{sensor[1]}", value, unit, None, None, None, stream, spread)

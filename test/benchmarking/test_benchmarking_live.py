@@ -1,0 +1,74 @@
+"""`benchmark live` as a user runs it: real processes over DDS. The figures themselves are not tested."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+PERCENTILES = ("latency_floor_p50", "latency_floor_p99", "latency_p50", "latency_p99")
+OVERLOAD = ("overload_latency_p99", "overload_dropped", "overload_iou", "overload_growth")
+UNITS = {
+    **dict.fromkeys(PERCENTILES, "ms"),
+    "start_to_box": "s",
+    "idle_cpu": "% of a core",
+    "sustained": "Mev/s",
+    **dict(zip(OVERLOAD, ("ms", "% of messages", "IoU", "MiB"), strict=True)),
+}
+
+
+@pytest.fixture(scope="module")
+def rows(repository):
+    """Those of a short run."""
+    command = [sys.executable, "-m", "etd_ros", "benchmark", "live", "--quick", "--json"]
+    done = subprocess.run(command, cwd=repository, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)["rows"]
+
+
+def test_every_figure_is_measured(rows):
+    measured = [(row["what"], row["stream"]) for row in rows]
+    streams = ("1 Mev/s, 100 msg/s", "1 Mev/s, 250 msg/s")
+    assert {(what, stream) for what in PERCENTILES for stream in streams} <= set(measured)
+    assert {what for what, _ in measured} == set(UNITS)
+    assert [stream for what, stream in measured if what == "idle_cpu"] == [
+        "subscribed, a target, no events",
+        "1 Mev/s, 250 msg/s, nobody subscribed",
+    ]
+    assert len(set(measured)) == len(measured)
+
+
+def test_figures_are_possible_ones(rows):
+    for row in rows:
+        assert row["unit"] == UNITS[row["what"]]
+        assert row["sensor"] == "240x180"
+        assert (row["peer"], row["peer_value"], row["ratio"]) == (None, None, None)
+        if row["what"].startswith(("latency", "start", "overload_latency", "overload_dropped")):
+            assert row["value"] > 0
+        if row["what"] == "overload_iou":
+            assert 0 <= row["value"] <= 1
+    percentiles = {(row["what"], row["stream"]): row["value"] for row in rows if row["what"] in PERCENTILES}
+    for (what, stream), value in percentiles.items():
+        if what.endswith("p50"):
+            assert value <= percentiles[what.replace("p50", "p99"), stream]
+
+
+def test_without_ros_the_group_says_so_in_one_line(repository):
+    code = "import sys; sys.modules['rclpy'] = None; from etd_ros.cli import main; sys.exit(main(sys.argv[1:]))"
+    environment = {**os.environ, "PYTHONPATH": str(repository)}
+    command = [sys.executable, "-c", code, "benchmark", "live", "--quick"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=environment)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "rclpy" in done.stderr
+    assert "make setup" in done.stderr
+
+
+def test_importing_the_benchmark_imports_no_ros(repository):
+    code = "import sys, etd_ros.commands.benchmark; print('rclpy' in sys.modules)"
+    environment = {**os.environ, "PYTHONPATH": str(repository)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
+    assert done.stdout == "False\n"
