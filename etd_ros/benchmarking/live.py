@@ -29,13 +29,13 @@ def live(effort: Effort, data: Path | None) -> Iterator[Row]:  # noqa: ARG001
     if missing is not None:
         msg = f"the live figures need ROS 2, but {missing} cannot be imported: run `make setup`, or source your ROS 2"
         raise BenchmarkError(msg)
-    from etd_ros.benchmarking.live_bench import LiveBench, own_domain
+    from etd_ros.benchmarking.live_bench import LiveBench, own_place
     from etd_ros.benchmarking.live_figures import FULL_LIVE, QUICK_LIVE, live_figures
 
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="etd_ros_live_")))
-        domain = stack.enter_context(own_domain())
-        bench = stack.enter_context(LiveBench(domain, folder))
+        place = stack.enter_context(own_place())
+        bench = stack.enter_context(LiveBench(place, folder))
         yield from live_figures(bench, FULL_LIVE if effort.rounds > 1 else QUICK_LIVE)
 
 

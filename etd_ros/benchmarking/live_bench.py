@@ -22,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.benchmarking.live_load import EVENTS, NS_PER_S, LoadGenerator, Play, Played, ros_node
+from etd_ros.benchmarking.live_load import NS_PER_S, LoadGenerator, Place, Play, Played, ros_node
 from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
@@ -93,20 +93,21 @@ class Process:
     """A `pipeline` process, and what it costs.
 
     Args:
-        domain: ROS domain.
+        place: where it works.
         log: file for what it prints.
     """
 
-    def __init__(self, domain: int, log: Path) -> None:
+    def __init__(self, place: Place, log: Path) -> None:
         self.started_ns = time.monotonic_ns()
         self._log = log
+        remaps = ("-r", f"__ns:=/{place.namespace}", "-r", f"~/events:={place.events}")
         with log.open("wb") as output:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", "-r", f"~/events:={EVENTS}"],
+                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", *remaps],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+                env={**os.environ, "ROS_DOMAIN_ID": str(place.domain)},
             )
 
     @property
@@ -151,14 +152,14 @@ class LiveBench:
     """Starts the node, tells it its target, and listens.
 
     Args:
-        domain: ROS domain.
+        place: where it works.
         folder: for what the node prints.
     """
 
-    def __init__(self, domain: int, folder: Path) -> None:
-        self.domain = domain
+    def __init__(self, place: Place, folder: Path) -> None:
+        self.place = place
         self._folder = folder
-        self._ros = ros_node("live_bench", domain)
+        self._ros = ros_node("live_bench", place)
         self._process: Process | None = None
         self._boxes: list[tuple[int, bytes]] = []
         self._reader: Subscription | None = None
@@ -168,7 +169,7 @@ class LiveBench:
 
     def __enter__(self) -> LiveBench:
         self._node, self._executor = self._ros.__enter__()
-        self._targets = self._node.create_publisher(Detection2DArray, f"/{NODE}/targets", FRAME_QOS)
+        self._targets = self._node.create_publisher(Detection2DArray, f"{NODE}/targets", FRAME_QOS)
         self._states = self._node.create_subscription(
             DiagnosticArray, "/diagnostics", self._take_diagnostics, READER_QOS, raw=True
         )
@@ -189,7 +190,7 @@ class LiveBench:
     def start_pipeline(self) -> None:
         """Start the node; it is ready some seconds later."""
         self._diagnostics = {}
-        self._process = Process(self.domain, self._folder / f"{NODE}.log")
+        self._process = Process(self.place, self._folder / f"{NODE}.log")
 
     def end_pipeline(self) -> None:
         """End the node."""
@@ -218,6 +219,11 @@ class LiveBench:
     def listens(self) -> bool:
         """Whether the node takes targets."""
         return bool(self._targets.get_subscription_count())
+
+    @property
+    def hears_boxes(self) -> bool:
+        """Whether somebody's boxes reach this process."""
+        return self._reader is not None and bool(self._reader.get_publisher_count())
 
     @property
     def reads_events(self) -> bool:
@@ -331,7 +337,7 @@ class LiveBench:
 
     def _take_diagnostics(self, message: bytes) -> None:
         for status in decode_diagnostics(message).statuses:
-            if status.name == NODE:
+            if status.name == f"{self.place.namespace}/{NODE}":
                 self._diagnostics = dict(status.values)
                 self._diagnostics_ns = time.monotonic_ns()
 
@@ -342,8 +348,8 @@ def rounded_start_ns(stamp_ns: int) -> int:
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
-    """A ROS domain for this machine alone, with the shared-memory profile, for this process and those it starts."""
+def own_place() -> Iterator[Place]:
+    """A place on this machine alone, with the shared-memory profile, for this process and those it starts."""
     wanted = {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(SHARED_MEMORY_PROFILE),
@@ -351,7 +357,7 @@ def own_domain() -> Iterator[int]:
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
     try:
-        yield 1 + secrets.randbelow(DOMAIN_ID_MAX)
+        yield Place(1 + secrets.randbelow(DOMAIN_ID_MAX), f"live_{secrets.token_hex(4)}")
     finally:
         for name, value in before.items():
             if value is None:

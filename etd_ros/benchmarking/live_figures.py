@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.benchmarking.live_bench import NODE, LiveBench, Outcome, rounded_start_ns
-from etd_ros.benchmarking.live_load import ECHO, NS_PER_S, Echo, LoadGenerator, Play
+from etd_ros.benchmarking.live_load import NS_PER_S, Echo, LoadGenerator, Play
 from etd_ros.benchmarking.live_scene import NS_PER_US, LiveScene
 from etd_ros.benchmarking.report import Row
 from etd_ros.boxes import Box
@@ -19,7 +19,7 @@ from etd_ros.warm_up import warm_up
 
 MEV = 1_000_000
 DAVIS, VGA, HD = (240, 180), (640, 480), (1280, 720)
-BOXES = f"/{NODE}/detections"
+BOXES = f"{NODE}/detections"
 LATENCY_RATE = 1 * MEV
 LATENCY_MESSAGES_PER_S = (100, 250)
 MESSAGES_PER_S = 250
@@ -73,7 +73,7 @@ def live_figures(bench: LiveBench, effort: LiveEffort) -> Iterator[Row]:
     """
     warm_up(tuple(STAGES))
     for sensor in effort.sensors:
-        with LoadGenerator(*sensor, bench.domain) as generator:
+        with LoadGenerator(*sensor, bench.place) as generator:
             scene = LiveScene(*sensor)
             if sensor == DAVIS:
                 yield from _floor(bench, generator, effort)
@@ -92,15 +92,15 @@ def live_figures(bench: LiveBench, effort: LiveEffort) -> Iterator[Row]:
 def _attach(bench: LiveBench, generator: LoadGenerator) -> None:
     """Read the node's boxes, and wait until events reach it."""
     bench.read(BOXES)
-    bench.wait_until(lambda: bench.listens and bench.reads_events, "the node to read events")
+    bench.wait_until(lambda: bench.listens and bench.hears_boxes and bench.reads_events, "the node to read events")
     bench.wait_until(lambda: generator.subscribers() == 1, "the node's subscription")
 
 
 def _floor(bench: LiveBench, generator: LoadGenerator, effort: LiveEffort) -> Iterator[Row]:
     """What the messages' way to a process and a box's way back take without any work."""
-    bench.read(ECHO)
-    with Echo(bench.domain):
-        bench.wait_until(lambda: generator.subscribers() == 1, "the echo's subscription")
+    bench.read(bench.place.echo)
+    with Echo(bench.place):
+        bench.wait_until(lambda: bench.hears_boxes and generator.subscribers() == 1, "the echo")
         for messages_per_s in LATENCY_MESSAGES_PER_S:
             generator.prepare(LATENCY_RATE, messages_per_s)
             generator.play(Play(rounded_start_ns(time.time_ns()), RUN_IN_S + effort.latency_s))

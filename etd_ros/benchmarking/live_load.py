@@ -33,14 +33,35 @@ from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
 from msg_adapters import Detection, encode_detections
 
 NS_PER_S = 1_000_000_000
-EVENTS = "/event_camera/events"
-ECHO = "/echo"
 END_TIMEOUT_S = 10.0
 POLL_S = 0.05
 HEADER_STAMP = struct.Struct("<4xiI")
 """Seconds and nanoseconds of a message that begins with a header, after the encapsulation."""
 
 ChildT = TypeVar("ChildT", bound="Child")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the processes of one benchmark meet.
+
+    Attributes:
+        domain: ROS domain.
+        namespace: of all nodes; others that happen to use the domain do not disturb.
+    """
+
+    domain: int
+    namespace: str
+
+    @property
+    def events(self) -> str:
+        """The topic of the EventPackets."""
+        return f"/{self.namespace}/events"
+
+    @property
+    def echo(self) -> str:
+        """The topic of the echo's boxes."""
+        return f"/{self.namespace}/echo"
 
 
 @dataclass(frozen=True)
@@ -113,18 +134,18 @@ class Child:
 
 
 class LoadGenerator(Child):
-    """Publishes the picture of one sensor on `EVENTS`.
+    """Publishes the picture of one sensor.
 
     Args:
         width, height: the sensor's size (pixels).
-        domain: ROS domain.
+        place: where.
 
     Attributes:
         message_s: how long a message of what was prepared lasts (s).
     """
 
-    def __init__(self, width: int, height: int, domain: int) -> None:
-        super().__init__(_generate, width, height, domain)
+    def __init__(self, width: int, height: int, place: Place) -> None:
+        super().__init__(_generate, width, height, place)
         self.message_s = 0.0
 
     def prepare(self, rate: float, messages_per_s: int) -> None:
@@ -158,22 +179,22 @@ class LoadGenerator(Child):
 
 
 class Echo(Child):
-    """Answers each message on `EVENTS` by a box on `ECHO`, stamped as the message: what the way there and back takes.
+    """Answers each message by a box that is stamped as the message: what the way there and back takes.
 
     Args:
-        domain: ROS domain.
+        place: where.
     """
 
-    def __init__(self, domain: int) -> None:
-        super().__init__(_echo, domain)
+    def __init__(self, place: Place) -> None:
+        super().__init__(_echo, place)
 
 
 @contextmanager
-def ros_node(name: str, domain: int) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+def ros_node(name: str, place: Place) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
     """A node in a context of its own, and its executor."""
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node(name, context=context)
+    rclpy.init(context=context, domain_id=place.domain, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node(name, context=context, namespace=place.namespace)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
@@ -184,12 +205,12 @@ def ros_node(name: str, domain: int) -> Iterator[tuple[Node, SingleThreadedExecu
         context.try_shutdown()
 
 
-def _generate(pipe: Connection, width: int, height: int, domain: int) -> None:
+def _generate(pipe: Connection, width: int, height: int, place: Place) -> None:
     """Prepare and play until the other end closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     scene, seq, packets = LiveScene(width, height), 0, None
-    with ros_node("live_load", domain) as (node, _):
-        publisher = node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    with ros_node("live_load", place) as (node, _):
+        publisher = node.create_publisher(EventPacket, place.events, EVENT_QOS)
         for order in _orders(pipe):
             if isinstance(order, Prepare):
                 # The last rate's packets may be a quarter of a gigabyte: they go before the next ones come.
@@ -230,17 +251,17 @@ def _play(play: Play, packets: Packets, publisher: Publisher, seq: int, pipe: Co
     return Played(play.start_ns, period_ns, published_ns[:count], late_ns[:count])
 
 
-def _echo(pipe: Connection, domain: int) -> None:
+def _echo(pipe: Connection, place: Place) -> None:
     """Echo until the other end closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with ros_node("live_echo", domain) as (node, executor):
-        publisher = node.create_publisher(Detection2DArray, ECHO, FRAME_QOS)
+    with ros_node("live_echo", place) as (node, executor):
+        publisher = node.create_publisher(Detection2DArray, place.echo, FRAME_QOS)
         boxes = [Detection(TARGET, LiveScene(240, 180).box(0), 1.0, TARGET)]
 
         def answer(message: bytes) -> None:
             seconds, nanoseconds = HEADER_STAMP.unpack_from(message)
             publisher.publish(encode_detections(boxes, stamp_ns=seconds * NS_PER_S + nanoseconds, frame_id=""))
 
-        node.create_subscription(EventPacket, EVENTS, answer, EVENT_QOS, raw=True)
+        node.create_subscription(EventPacket, place.events, answer, EVENT_QOS, raw=True)
         while not pipe.poll():
             executor.spin_once(timeout_sec=POLL_S)
