@@ -56,17 +56,17 @@ class Outcome:
 
     Attributes:
         published: messages that the generator published.
-        late_ms: how late it published them, shape (published,).
+        duration_s: how long it took for them (s).
         decoded: messages that the node decoded.
         losses: by the node's diagnostics, what grew meanwhile of `LOSSES`.
         after_s: when each box's frame ended, since the start of the scene (s), shape (n,).
         latency_ms: from publishing the message that holds a frame's end to receiving the frame's box, shape (n,).
         iou: of each box with the truth, 0 where the target had none, shape (n,).
-        resident_mib: memory of the node during the play, shape (m,), and when that was (s), shape (m,).
+        resident_mib: memory of the node now and then during the play, shape (m,).
     """
 
     published: int
-    late_ms: Milliseconds
+    duration_s: float
     decoded: int
     losses: dict[str, int]
     after_s: Seconds
@@ -300,9 +300,15 @@ class LiveBench:
         losses = {key: self.figure(key) - int(before.get(key, 0)) for key in LOSSES}
         after_s, latency_ms, iou = self._judged(played, scene)
         return Outcome(
-            len(played.published_ns), played.late_ns / NS_PER_MS, decoded, losses, after_s, latency_ms, iou,
-            np.array(resident_mib),
-        )  # fmt: skip
+            published=len(played.published_ns),
+            duration_s=played.duration_s,
+            decoded=decoded,
+            losses=losses,
+            after_s=after_s,
+            latency_ms=latency_ms,
+            iou=iou,
+            resident_mib=np.array(resident_mib),
+        )
 
     def latencies(self, played: Played) -> tuple[Seconds, Milliseconds]:
         """When the boxes are of (s since the start of the scene) and their latencies (ms), each of shape (n,)."""

@@ -93,13 +93,16 @@ class Played:
         start_ns: of the scene (ns on the ROS clock).
         message_ns: how long a message lasts (ns).
         published_ns: when each message was handed to DDS (ns on the machine's monotonic clock), int64, shape (n,).
-        late_ns: how long after it was due, shape (n,).
     """
 
     start_ns: int
     message_ns: int
     published_ns: npt.NDArray[np.int64]
-    late_ns: npt.NDArray[np.int64]
+
+    @property
+    def duration_s(self) -> float:
+        """How long the messages took (s)."""
+        return float(self.published_ns[-1] - self.published_ns[0] + self.message_ns) / NS_PER_S
 
 
 class Order(Enum):
@@ -236,19 +239,18 @@ def _orders(pipe: Connection) -> Iterator[Prepare | Play | Order]:
 def _play(play: Play, packets: Packets, publisher: Publisher, seq: int, pipe: Connection) -> Played:
     period_ns = packets.duration_us * NS_PER_US
     count = round(play.duration_s * NS_PER_S / period_ns)
-    published_ns, late_ns = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    published_ns = np.zeros(count, np.int64)
     first_due_ns = time.monotonic_ns() + play.start_ns + period_ns - time.time_ns()
     for number in range(count):
         message = packets.message(number, seq + number, play.start_ns)
         due_ns = first_due_ns + number * period_ns
         time.sleep(max(0, due_ns - time.monotonic_ns()) / NS_PER_S)
         published_ns[number] = time.monotonic_ns()
-        late_ns[number] = published_ns[number] - due_ns
         publisher.publish(message)
         if pipe.poll():
             count = number + 1
             break
-    return Played(play.start_ns, period_ns, published_ns[:count], late_ns[:count])
+    return Played(play.start_ns, period_ns, published_ns[:count])
 
 
 def _echo(pipe: Connection, place: Place) -> None:

@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if options.write is not None:
         check_writable(options.write)
     data = _data(options.data)
-    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or _all_groups())
+    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or all_groups())
     rows = list(_shown(measured, lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
     if options.write is not None:
         write(options.write, rows)
@@ -110,7 +110,7 @@ def _draw_scaling(path: Path, effort: Effort) -> None:
     write_beside(path, scaling_png(points))
 
 
-def _all_groups() -> Iterator[str]:
+def all_groups() -> Iterator[str]:
     """Every group that can be measured here."""
     missing = missing_ros()
     for group in GROUPS:

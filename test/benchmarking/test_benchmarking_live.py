@@ -7,17 +7,56 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from etd_ros.benchmarking.live_bench import Outcome
+from etd_ros.benchmarking.live_figures import keeps_up
+
 PERCENTILES = ("latency_floor_p50", "latency_floor_p99", "latency_p50", "latency_p99")
-OVERLOAD = ("overload_latency_p99", "overload_dropped", "overload_iou", "overload_growth")
+OVERLOAD = ("overload_offered", "overload_latency_p99", "overload_dropped", "overload_iou", "overload_growth")
 UNITS = {
     **dict.fromkeys(PERCENTILES, "ms"),
+    "latency_iou": "IoU",
     "start_to_box": "s",
     "idle_cpu": "% of a core",
     "sustained": "Mev/s",
-    **dict(zip(OVERLOAD, ("ms", "% of messages", "IoU", "MiB"), strict=True)),
+    "other_load": "% of the machine",
+    **dict(zip(OVERLOAD, ("Mev/s", "ms", "% of messages", "IoU", "MiB"), strict=True)),
 }
+
+
+def outcome(**changes) -> Outcome:
+    """A play of a second without a fault."""
+    after_s = np.linspace(0, 1, 101)
+    right = {
+        "published": 250,
+        "duration_s": 1.0,
+        "decoded": 250,
+        "losses": {"lost messages": 0, "errors": 0},
+        "after_s": after_s,
+        "latency_ms": np.full(101, 2.0),
+        "iou": np.full(101, 0.9),
+        "resident_mib": np.full(10, 300.0),
+    }
+    return Outcome(**{**right, **changes})
+
+
+def test_a_rate_is_sustained_without_losses_with_boxes_that_are_right_and_come_in_time():
+    assert keeps_up(outcome(), 1_000_000, 1.0)
+    iou, latency_ms = np.full(101, 0.9), np.full(101, 2.0)
+    iou[80:], latency_ms[70:] = 0.1, 600.0
+    faults = {
+        "decoded": 249,
+        "losses": {"lost messages": 0, "errors": 1},
+        "duration_s": 1.1,
+        "iou": iou,
+        "latency_ms": latency_ms,
+        "after_s": np.linspace(0, 0.6, 101),
+    }
+    for name, value in faults.items():
+        assert not keeps_up(outcome(**{name: value}), 1_000_000, 1.0), name
+    assert not keeps_up(outcome(after_s=np.empty(0), latency_ms=np.empty(0), iou=np.empty(0)), 1_000_000, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +83,18 @@ def test_every_figure_is_measured(rows):
 def test_figures_are_possible_ones(rows):
     for row in rows:
         assert row["unit"] == UNITS[row["what"]]
-        assert row["sensor"] == "240x180"
+        assert row["sensor"] == ("" if row["what"] == "other_load" else "240x180")
         assert (row["peer"], row["peer_value"], row["ratio"]) == (None, None, None)
         if row["what"].startswith(("latency", "start", "overload_latency", "overload_dropped")):
             assert row["value"] > 0
         if row["what"] == "overload_iou":
             assert 0 <= row["value"] <= 1
+        if row["what"] == "latency_iou":
+            assert 0.6 < row["value"] <= 1
+        if row["what"] == "other_load":
+            assert 0 <= row["value"] <= 100
+        if row["what"] == "overload_offered":
+            assert 0 < row["value"] < 50.5
     percentiles = {(row["what"], row["stream"]): row["value"] for row in rows if row["what"] in PERCENTILES}
     for (what, stream), value in percentiles.items():
         if what.endswith("p50"):
@@ -72,3 +117,11 @@ def test_importing_the_benchmark_imports_no_ros(repository):
     environment = {**os.environ, "PYTHONPATH": str(repository)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
     assert done.stdout == "False\n"
+
+
+def test_without_ros_the_other_groups_are_measured_all_the_same(repository):
+    code = "import sys; sys.modules['rclpy'] = None; from etd_ros.commands import benchmark; print(*benchmark.all_groups())"
+    environment = {**os.environ, "PYTHONPATH": str(repository)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
+    assert done.stdout == "event-path tracker\n"
+    assert done.stderr == "live is not measured: it needs ROS 2, and rclpy cannot be imported\n"
