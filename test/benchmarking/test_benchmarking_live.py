@@ -120,7 +120,11 @@ def test_importing_the_benchmark_imports_no_ros(repository):
 
 
 def test_without_ros_the_other_groups_are_measured_all_the_same(repository):
-    code = "import sys; sys.modules['rclpy'] = None; from etd_ros.commands import benchmark; print(*benchmark.all_groups())"
+    code = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from etd_ros.commands.benchmark import all_groups\n"
+        "print(*all_groups())"
+    )
     environment = {**os.environ, "PYTHONPATH": str(repository)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
     assert done.stdout == "event-path tracker\n"
