@@ -26,7 +26,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        *shared("config", "launch", "security"),
+        *shared("config", "foxglove", "launch", "rviz", "security"),
     ],
     python_requires=">=3.10",
     install_requires=[
