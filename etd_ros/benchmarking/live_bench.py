@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,15 +95,17 @@ class Process:
     Args:
         place: where it works.
         log: file for what it prints.
+        parameters: of the node, each as `NAME:=VALUE`.
     """
 
-    def __init__(self, place: Place, log: Path) -> None:
+    def __init__(self, place: Place, log: Path, parameters: Sequence[str] = ()) -> None:
         self.started_ns = time.monotonic_ns()
         self._log = log
         remaps = ("-r", f"__ns:=/{place.namespace}", "-r", f"~/events:={place.events}")
+        assignments = (word for parameter in parameters for word in ("-p", parameter))
         with log.open("wb") as output:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", *remaps],
+                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", *remaps, *assignments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -168,9 +170,9 @@ class LiveBench:
         self._misses_last = False
 
     def __enter__(self) -> LiveBench:
-        self._node, self._executor = self._ros.__enter__()
-        self._targets = self._node.create_publisher(Detection2DArray, f"{NODE}/targets", FRAME_QOS)
-        self._states = self._node.create_subscription(
+        self.node, self._executor = self._ros.__enter__()
+        self._targets = self.node.create_publisher(Detection2DArray, f"{NODE}/targets", FRAME_QOS)
+        self._states = self.node.create_subscription(
             DiagnosticArray, "/diagnostics", self._take_diagnostics, READER_QOS, raw=True
         )
         return self
@@ -187,10 +189,10 @@ class LiveBench:
         assert self._process is not None
         return self._process
 
-    def start_pipeline(self) -> None:
-        """Start the node; it is ready some seconds later."""
+    def start_pipeline(self, *parameters: str) -> None:
+        """Start the node, with parameters as `NAME:=VALUE`; it is ready some seconds later."""
         self._diagnostics = {}
-        self._process = Process(self.place, self._folder / f"{NODE}.log")
+        self._process = Process(self.place, self._folder / f"{NODE}.log", parameters)
 
     def end_pipeline(self) -> None:
         """End the node."""
@@ -201,14 +203,14 @@ class LiveBench:
     def read(self, topic: str | None) -> None:
         """Read boxes from a topic, or no longer from any."""
         if self._reader is not None:
-            self._node.destroy_subscription(self._reader)
+            self.node.destroy_subscription(self._reader)
             self._reader = None
         if topic is not None:
-            self._reader = self._node.create_subscription(Detection2DArray, topic, self._take_box, READER_QOS, raw=True)
+            self._reader = self.node.create_subscription(Detection2DArray, topic, self._take_box, READER_QOS, raw=True)
 
-    def start_target(self, box: Box, stamp_ns: int) -> None:
-        """Have the target start at a box at a time (ns); a box of size 0 stops it."""
-        detection = Detection(TARGET, box, 1.0, TARGET)
+    def start_target(self, box: Box, stamp_ns: int, name: str = TARGET) -> None:
+        """Have a target start at a box at a time (ns); a box of size 0 stops it."""
+        detection = Detection(name, box, 1.0, name)
         self._targets.publish(encode_detections([detection], stamp_ns=stamp_ns, frame_id=""))
 
     def figure(self, key: str) -> int:
@@ -261,14 +263,18 @@ class LiveBench:
         while time.monotonic() < end_s:
             self.spin_once()
 
+    def take_boxes(self) -> list[tuple[int, bytes]]:
+        """The messages with boxes since the last call, each with when it came (ns on the monotonic clock)."""
+        taken, self._boxes = self._boxes, []
+        return taken
+
     def first_box_ns(self) -> int:
         """When the first box of the target was received (ns on the monotonic clock); waits for it."""
-        self._boxes.clear()
+        self.take_boxes()
         found: list[int] = []
 
         def has_come() -> bool:
-            found.extend(at_ns for at_ns, message in self._boxes if decode_detections(message).detections)
-            self._boxes.clear()
+            found.extend(at_ns for at_ns, message in self.take_boxes() if decode_detections(message).detections)
             return bool(found)
 
         self.wait_until(has_come, "the first box")
@@ -287,7 +293,7 @@ class LiveBench:
     def _play(self, generator: LoadGenerator, scene: LiveScene, duration_s: float) -> Outcome:
         # Nothing has been published since the node said this.
         before = self._diagnostics
-        self._boxes.clear()
+        self.take_boxes()
         start_ns = rounded_start_ns(time.time_ns() + LEAD_NS)
         self.start_target(scene.box(0), start_ns)
         generator.play(Play(start_ns, duration_s))
@@ -312,9 +318,9 @@ class LiveBench:
 
     def latencies(self, played: Played) -> tuple[Seconds, Milliseconds]:
         """When the boxes are of (s since the start of the scene) and their latencies (ms), each of shape (n,)."""
-        stamps = np.array([decode_detections(message).stamp_ns for _, message in self._boxes], np.int64)
-        received = np.array([at_ns for at_ns, _ in self._boxes], np.int64)
-        self._boxes.clear()
+        taken = self.take_boxes()
+        stamps = np.array([decode_detections(message).stamp_ns for _, message in taken], np.int64)
+        received = np.array([at_ns for at_ns, _ in taken], np.int64)
         return _seconds(played, stamps), _latencies(played, stamps, received)
 
     def _decoded_at_rest(self, before: dict[str, str], published: int) -> int:
@@ -327,7 +333,7 @@ class LiveBench:
             last = now
 
     def _judged(self, played: Played, scene: LiveScene) -> tuple[Seconds, Milliseconds, npt.NDArray[np.float64]]:
-        messages = [(at_ns, decode_detections(message)) for at_ns, message in self._boxes]
+        messages = [(at_ns, decode_detections(message)) for at_ns, message in self.take_boxes()]
         messages = [(at_ns, message) for at_ns, message in messages if message.stamp_ns >= played.start_ns]
         stamps = np.array([message.stamp_ns for _, message in messages], np.int64)
         latency_ms = _latencies(played, stamps, np.array([at_ns for at_ns, _ in messages], np.int64))
