@@ -198,6 +198,15 @@ class PerSensor(Generic[StageT]):
             self._stage.reset()
         return self._stage
 
+    def forget(self) -> None:
+        """Have the next batch's stage made anew, as where settings have changed."""
+        self._size = None
+
+
+def nzge_interval(conversion: str, settings: Settings) -> tuple[float, float]:
+    """[alpha, beta] in which the NZGE of a conversion's frames is to lie."""
+    return (settings.atsltd.fine() if conversion == "atsltd_fine" else settings.atsltd).nzge_interval
+
 
 def _make_converter(conversion: str, width: int, height: int, settings: Settings, regions: SearchRegions) -> Converter:
     if conversion == "atsltd":

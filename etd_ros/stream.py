@@ -63,12 +63,14 @@ class StreamCounters:
         gaps: times that the sequence number did not go up by one.
         lost_messages: messages missing in those gaps, where the number went forward, by a million at most.
         restarts: streams started after the first.
+        steps_back: streams started because time went back.
         clamped_events: events whose time was raised to the latest one seen.
     """
 
     gaps: int = 0
     lost_messages: int = 0
     restarts: int = 0
+    steps_back: int = 0
     clamped_events: int = 0
 
 
@@ -76,16 +78,24 @@ class StreamGuard:
     """Splits batches into streams, in each of which time never decreases.
 
     The offline engine and the live nodes use the same guard, so both restart at the same events.
+
+    Args:
+        config: what a stream survives.
+        counters: to count in, where an earlier guard's are to go on.
     """
 
-    def __init__(self, config: StreamConfig | None = None) -> None:
-        self.counters = StreamCounters()
-        self._step_back_max_ns = round((config or StreamConfig()).step_back_max_s * NS_PER_S)
+    def __init__(self, config: StreamConfig | None = None, counters: StreamCounters | None = None) -> None:
+        self.counters = counters or StreamCounters()
+        self.use(config or StreamConfig())
         self._latest_ns: int | None = None
         self._size: tuple[int, int] | None = None
         self._encoding: str | None = None
         self._seq: int | None = None
         self._restart: Restart | None = None
+
+    def use(self, config: StreamConfig) -> None:
+        """Have another configuration hold from the next batch on."""
+        self._step_back_max_ns = round(config.step_back_max_s * NS_PER_S)
 
     def feed(self, events: Events, seq: int | None = None, encoding: str | None = None) -> Iterator[StreamBatch]:
         """Take the next batch; yield it as one or more batches of streams, without a copy where nothing is wrong.
@@ -136,6 +146,7 @@ class StreamGuard:
     def _started(self, part: Events) -> StreamBatch:
         restart, self._restart = self._restart, None
         self.counters.restarts += restart is not None
+        self.counters.steps_back += restart is Restart.TIME_STEP_BACK
         self._latest_ns = int(part.t[-1])
         return StreamBatch(part, restart)
 

@@ -27,7 +27,7 @@ from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.boxes import Box
-from etd_ros.nodes.base import FRAME_QOS
+from etd_ros.nodes.connections import FRAME_QOS
 from msg_adapters import Detection, decode_detections, decode_diagnostics, encode_detections
 
 NODE = "pipeline"

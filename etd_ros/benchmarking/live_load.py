@@ -29,7 +29,7 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.benchmarking.live_packets import Packets
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
-from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
 from msg_adapters import Detection, encode_detections
 
 NS_PER_S = 1_000_000_000

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.conversion import ENTROPY_TARGETS, FrameEnd
-from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor, SearchRegions
-from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions, run_node
+from etd_ros.conversion import ENTROPY_TARGETS
+from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor, SearchRegions, nzge_interval
+from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.event_input import EventInput
+from etd_ros.nodes.figures import FrameFigures
+from etd_ros.nodes.running import run_node
 from etd_ros.parameters import parameter
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, decode_detections, encode_image
@@ -37,33 +39,56 @@ class Accumulator(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("accumulator", STAGES, AccumulatorOptions)
-        self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
+        self._input = EventInput(self, self._on_events, self._is_read)
+
+    def configure(self) -> None:
+        """Make the converters."""
+        self._frames = self.publisher(Image, "~/frames")
         self._regions = SearchRegions()
         self._sources = PerSensor(lambda w, h: FrameSource(self.options.conversion, w, h, self.settings, self._regions))
+        self._figures = FrameFigures(nzge_interval(self.options.conversion, self.settings))
+
+    def activate(self) -> None:
+        """Begin to read."""
+        self._input.open()
         if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
-            self._region_input = self.create_subscription(
-                Detection2DArray, "tracker/search_regions", self._on_regions, FRAME_QOS, raw=True
-            )
-            self._tracker_timer = self.every(TRACKER_CHECK_PERIOD_S, self._check_tracker)
-        self._finished = dict.fromkeys(FrameEnd, 0)
-        self._last_nzge = 0.0
-        self._input = EventInput(self, self._on_events, lambda: self._frames.get_subscription_count() > 0)
+            self._region_input = self.reader(Detection2DArray, "tracker/search_regions", self._on_regions)
+            self.every(TRACKER_CHECK_PERIOD_S, self._check_tracker)
+
+    def deactivate(self) -> None:
+        """Read no more."""
+        self._input.close()
+
+    def change(self, stages: set[str]) -> None:
+        """From the next message on."""
+        self._figures.interval = nzge_interval(self.options.conversion, self.settings)
+        self.request(lambda: self._input.use(self.settings))
+        if stages - {"stream"}:
+            self.request(self._sources.forget)
+
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {**self._input.counts(), "frames": self._figures.frames}
+
+    def losses(self) -> int:
+        """How much went wrong so far."""
+        return super().losses() + self._input.losses()
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
         return {
             **super().diagnostics(),
             **self._input.diagnostics(),
-            **{f"frames ended by {end.value}": count for end, count in self._finished.items()},
-            "frames": sum(self._finished.values()),
-            "last NZGE": f"{self._last_nzge:.4f}",
+            **self._figures.diagnostics(),
             "search regions": len(self._regions.boxes or ()),
-            "reading events": self._input.subscribed,
             "frame subscribers": self._frames.get_subscription_count(),
         }
 
+    def _is_read(self) -> bool:
+        return self._frames.get_subscription_count() > 0
+
     def _on_regions(self, message: bytes) -> None:
-        self.worker.submit(self._take_regions, message)
+        self.worker.submit_request(self._take_regions, message)
 
     def _take_regions(self, message: bytes) -> None:
         self._regions.boxes = [detection.box for detection in decode_detections(message).detections] or None
@@ -71,16 +96,16 @@ class Accumulator(EtdNode):
     def _check_tracker(self) -> None:
         """A tracker that is gone does not look anywhere any more."""
         if self.count_publishers(self._region_input.topic_name) == 0:
-            self.worker.submit(self._forget_regions, b"")
+            self.request(self._forget_regions)
 
-    def _forget_regions(self, _: bytes) -> None:
+    def _forget_regions(self) -> None:
         self._regions.boxes = None
 
-    def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
+    def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
         for frame in self._sources.at(batch).frames(batch.events):
-            self._finished[frame.end] += 1
-            self._last_nzge = frame.nzge
+            self._figures.note(frame)
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=message.frame_id))
+            self.latencies.note(received_s)
 
 
 def main() -> int:

@@ -1,121 +1,199 @@
-"""What every node has: described parameters, a worker, diagnostics, words for what it waits for, a quiet end."""
+"""What every node has: a life cycle, parameters, a worker, diagnostics, words for what it waits for."""
 
 from __future__ import annotations
 
-import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from enum import Enum
+from typing import Any, ClassVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import Node as LifecycleNode
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from rclpy.task import Future
 from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
-from etd_ros.nodes.worker import Worker
-from etd_ros.parameters import Description, Parameters, from_mapping, parameter
-from etd_ros.parameters import described as described_options
-from etd_ros.settings import Settings, described_settings, settings_from_mapping
+from etd_ros.nodes.connections import FRAME_QOS, Arrivals, Input, reader_callbacks, writer_callbacks
+from etd_ros.nodes.figures import Latencies, Rates
+from etd_ros.nodes.node_parameters import AT_ONCE, NodeParameters
+from etd_ros.nodes.worker import Worker, WorkerCounters
+from etd_ros.parameters import Parameters, parameter
+from etd_ros.settings import Settings
 from etd_ros.warm_up import warm_up
 from msg_adapters import DiagnosticStatus, Level, encode_diagnostics
-
-EVENT_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-)
-"""As the drivers send: a reliable subscriber would get nothing from them."""
-
-FRAME_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-)
-"""For frames, images and boxes: few and each of them matters."""
 
 SLOW_START_S = 2.0
 WARNING_PERIOD_S = 5.0
 DIAGNOSTICS_PERIOD_S = 1.0
-_FLOAT_MAX = sys.float_info.max
-_INT_MAX = 2**63 - 1
+REMINDERS_PERIOD = 12
+"""What is missing is said again every so many warning periods, while it stays the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeOptions(Parameters):
     """Parameters that every node has."""
 
+    AT_ONCE: ClassVar[frozenset[str]] = frozenset({"queue_mib", "queue_s"})
+    """Those that hold at once when they are set while the node runs."""
+
+    autostart: bool = parameter(True, "configure and activate at the start; else the life cycle's services do")
     queue_mib: float = parameter(
         64.0,
         "longest queue of messages (MiB); beyond it the oldest are dropped and counted",
         low=1.0,
         high=4096.0,
     )
+    queue_s: float = parameter(
+        0.05,
+        "longest wait of a message in the queue (s); beyond it all but the newest are dropped and counted",
+        low=0.001,
+        high=3600.0,
+    )
 
 
-class RosError(EtdError):
-    """ROS refuses to start."""
+class Phase(str, Enum):
+    """Where a node is in its life cycle."""
+
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FINALIZED = "finalized"
 
 
-OptionsT = TypeVar("OptionsT", bound=NodeOptions)
+class EtdNode(LifecycleNode):
+    """Base of the nodes, which say what they do in `configure`, `activate`, `deactivate` and `cleanup`.
 
-
-@dataclass(frozen=True, slots=True)
-class Input:
-    """One thing that a node needs from others.
-
-    Attributes:
-        topic: resolved name.
-        type_name: what is expected there, in words where several types are.
-        qos: in words.
-        provider: which executable or driver brings it.
-        messages: how many have come so far.
-        wanted: whether the node reads it now.
+    What is made in `configure` is destroyed after `cleanup`, what is made in `activate` after `deactivate`; the worker
+    runs while the node is active.
     """
 
-    topic: str
-    type_name: str
-    qos: str
-    provider: str
-    messages: Callable[[], int]
-    wanted: Callable[[], bool]
-
-
-class EtdNode(Node):
-    """Base of the nodes. Subclasses read `settings` and `options`, and submit messages to `worker`."""
-
-    def __init__(self, name: str, stages: tuple[str, ...], options: type[OptionsT]) -> None:
+    def __init__(self, name: str, stages: tuple[str, ...], options: type[NodeOptions]) -> None:
         super().__init__(name)
         self.errors = 0
-        self.settings = self._declare_settings(stages)
-        self.options: Any = from_mapping(options, self._declare(described_options(options)))
-        self._warm_up(stages)
-        self.worker = Worker(f"{name}_worker", int(self.options.queue_mib * 2**20), self._on_worker_error)
+        self.phase = Phase.UNCONFIGURED
+        self.finished = Future()
+        self.dropped = WorkerCounters()
+        self.latencies = Latencies()
+        self.settings = Settings()
+        self.options: Any = options()
+        self.worker: Worker
+        self._stages = stages
+        self._options_class = options
+        self._declared = NodeParameters(
+            self,
+            stages,
+            options,
+            at_once=options.AT_ONCE,
+            is_configured=lambda: self.phase in (Phase.INACTIVE, Phase.ACTIVE),
+            changed=self._change_parameters,
+        )
+        self._refusal: Exception | None = None
+        self._is_starting = False
         self._inputs: list[Input] = []
+        self._kept: dict[Phase, set[object]] = {}
+        self._rates = Rates()
+        self._reported_losses = 0
+        self._said: list[str] = []
+        self._reminder = 0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.every(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
         self._waiting_timer = self.every(WARNING_PERIOD_S, self._say_what_is_missing)
+
+    # --- what the nodes say they do
+
+    def configure(self) -> None:
+        """Make what does the work, and the publishers; `settings` and `options` hold the parameters."""
+
+    def activate(self) -> None:
+        """Make the subscriptions, services and timers."""
+
+    def deactivate(self) -> None:
+        """Stop what `activate` started, but for what the base does."""
+
+    def cleanup(self) -> None:
+        """Let go what `configure` made, but for what the base does."""
+
+    def change(self, stages: set[str]) -> None:
+        """Have changed settings of these stages hold; `settings` and `options` are the new ones."""
+
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {}
+
+    def level(self) -> tuple[Level, str]:
+        """How the node fares where its inputs come, and in words."""
+        return Level.OK, "running"
+
+    def diagnostics(self) -> dict[str, object]:
+        """Figures for /diagnostics; subclasses add theirs."""
+        return {
+            "errors": self.errors,
+            "dropped messages": self.dropped.dropped_messages,
+            "dropped bytes": self.dropped.dropped_bytes,
+            "queued bytes": self.worker.queued_bytes if self.phase is Phase.ACTIVE else 0,
+        }
+
+    def losses(self) -> int:
+        """How much went wrong so far; where it rises, the node warns."""
+        return self.errors + self.dropped.dropped_messages
+
+    def missing(self) -> list[str]:
+        """What the node waits for, a sentence each."""
+        return [sentence for needed in self._inputs if (sentence := needed.missing(self)) is not None]
+
+    # --- what they do it with
 
     def add_input(self, needed: Input) -> None:
         """Name a need, so that the node can say what it waits for."""
         self._inputs.append(needed)
 
+    def publisher(self, kind: type, topic: str, qos: QoSProfile = FRAME_QOS) -> Publisher:
+        """A publisher that says why a subscriber gets nothing."""
+        resolved = self.resolve_topic_name(topic)
+        return self.create_publisher(kind, topic, qos, event_callbacks=writer_callbacks(self, resolved, qos))
+
+    def reader(
+        self, kind: type, topic: str, callback: Callable[[bytes], None], qos: QoSProfile = FRAME_QOS
+    ) -> Subscription:
+        """A subscription to a topic's messages as bytes, which says why a publisher's do not arrive."""
+        resolved = self.resolve_topic_name(topic)
+        return self.create_subscription(
+            kind, topic, callback, qos, raw=True, event_callbacks=reader_callbacks(self, resolved, qos)
+        )
+
+    def needed_reader(self, kind: type, topic: str, provider: str, handle: Callable[[bytes, float], None]) -> Arrivals:
+        """A reader whose messages the node waits for; `handle` gets each with when it came (s, monotonic)."""
+        arrivals = Arrivals()
+        reader = self.reader(kind, topic, lambda message: handle(message, arrivals.note()))
+        type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+        self.add_input(
+            Input(reader.topic_name, frozenset({type_name}), "reliable", provider, arrivals, wanted=self.is_wanted)
+        )
+        return arrivals
+
+    def is_wanted(self) -> bool:
+        """Whether somebody wants what the node makes."""
+        return True
+
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the machine's clock: with use_sim_time a ROS timer would stand still until /clock runs, and
         a replay that waits for this node would wait forever."""
         return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def request(self, task: Callable[[], None]) -> None:
+        """Have the worker do a task between two messages; at once where the node is not active."""
+        if self.phase is Phase.ACTIVE:
+            self.worker.submit_request(lambda _: task())
+        else:
+            task()
 
     def warn(self, text: str) -> None:
         """A warning, at most every few seconds from one place."""
@@ -126,63 +204,8 @@ class EtdNode(Node):
         self.errors += 1
         self.warn(f"{' '.join(str(err).split())} ({self.errors} so far)")
 
-    def diagnostics(self) -> dict[str, object]:
-        """Figures for /diagnostics; subclasses add theirs."""
-        return {
-            "errors": self.errors,
-            "dropped messages": self.worker.counters.dropped_messages,
-            "dropped bytes": self.worker.counters.dropped_bytes,
-            "queued bytes": self.worker.queued_bytes,
-        }
-
-    def missing(self) -> list[str]:
-        """What the node waits for, a sentence each."""
-        return [_missing(self, needed) for needed in self._inputs if needed.wanted() and not needed.messages()]
-
-    def stop(self) -> None:
-        """End the worker; the node can be destroyed then."""
-        self.worker.stop()
-
-    def _warm_up(self, stages: tuple[str, ...]) -> None:
-        """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""
-        text = "compiling for this machine, which takes a few seconds to a minute; the next start finds it done"
-        notice = threading.Timer(SLOW_START_S, self.get_logger().info, (text,))
-        notice.start()
-        try:
-            warm_up(stages)
-        finally:
-            notice.cancel()
-
-    def _declare_settings(self, stages: tuple[str, ...]) -> Settings:
-        return settings_from_mapping(self._declare(described_settings(stages)))
-
-    def _declare(self, described: Any) -> dict[str, Any]:
-        values = {}
-        for name, default, description in described:
-            initial = list(default) if isinstance(default, tuple) else default
-            value = self.declare_parameter(name, initial, _descriptor(default, description)).value
-            values[name] = tuple(value) if isinstance(default, tuple) else value
-        return values
-
-    def _publish_diagnostics(self) -> None:
-        missing = self.missing()
-        dropped = self.worker.counters.dropped_messages
-        status = DiagnosticStatus(
-            level=Level.STALE if missing else Level.WARN if dropped or self.errors else Level.OK,
-            name=self.get_fully_qualified_name().lstrip("/"),
-            message="; ".join(missing) or ("running, with losses" if dropped or self.errors else "running"),
-            hardware_id="",
-            values=tuple((key, str(value)) for key, value in self.diagnostics().items()),
-        )
-        stamp_ns = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(encode_diagnostics([status], stamp_ns=stamp_ns, frame_id=""))
-
-    def _say_what_is_missing(self) -> None:
-        sentences = self.missing()
-        if sentences:
-            self.get_logger().info("; ".join(sentences), throttle_duration_sec=2 * WARNING_PERIOD_S)
-
-    def _on_worker_error(self, err: Exception) -> None:
+    def on_worker_error(self, err: Exception) -> None:
+        """What a thread does with what a task of its raises."""
         if isinstance(err, EtdError):
             self.count_error(err)
             return
@@ -192,73 +215,183 @@ class EtdNode(Node):
         text = "".join(traceback.format_exception(err))
         self.get_logger().error(f"internal error, please report it:\n{text}", throttle_duration_sec=WARNING_PERIOD_S)
 
+    # --- the life cycle
 
-def start_ros(arguments: list[str] | None) -> None:
-    """Start ROS; what stands after --ros-args is checked here.
+    def start(self) -> None:
+        """Configure and activate, unless the parameter `autostart` says that somebody else does.
 
-    Raises:
-        RosError: an argument that ROS does not understand, such as a parameter file that is missing.
-    """
-    try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
-    # rclpy's own errors for this have no public name; all of them derive from RuntimeError.
-    except RuntimeError as err:
-        raise ros_error(err) from err
+        Raises:
+            EtdError: the parameters make no node.
+        """
+        if not self._declared.options(self._options_class).autostart:
+            node = self.get_fully_qualified_name()
+            self.get_logger().info(f"unconfigured: `ros2 lifecycle set {node} configure`, then activate, starts it")
+            return
+        self._is_starting = True
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() is not TransitionCallbackReturn.SUCCESS and self._refusal is not None:
+                raise self._refusal
+        self._is_starting = False
 
+    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters, compile, make what does the work."""
+        return self._pass(Phase.INACTIVE, self._configure)
 
-def ros_error(err: RuntimeError) -> RosError:
-    """What rclpy says of the arguments, without the places in its sources."""
-    return RosError(f"ROS does not start: {str(err).partition(', at /')[0]}: mend what stands after --ros-args")
+    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to read."""
+        return self._pass(Phase.ACTIVE, self._activate)
 
+    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Read and publish no more; targets are kept."""
+        return self._pass(Phase.INACTIVE, self._deactivate)
 
-def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
-    """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
-    node = None
-    try:
-        start_ros(arguments)
-        node = make()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
-    except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:
-        print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
-        return 2
-    # Signals end the context at any moment; then whatever the node is in the middle of fails, each call in its own way.
-    except Exception as err:
-        if rclpy.ok():
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything but the parameters."""
+        return self._pass(Phase.UNCONFIGURED, self._cleanup)
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """End the process."""
+        return self._pass(Phase.FINALIZED, self._end)
+
+    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """A transition has failed in a way that nobody foresaw: back to the beginning."""
+        return self._pass(Phase.UNCONFIGURED, self._let_go)
+
+    def stop(self) -> None:
+        """Let everything go; the node can be destroyed then."""
+        self._let_go()
+
+    def _pass(self, phase: Phase, work: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            work()
+        except EtdError as err:
+            self._refusal = err
+            if not self._is_starting:
+                self.get_logger().error(" ".join(str(err).split()))
+            return TransitionCallbackReturn.FAILURE
+        except Exception as err:
+            # rclpy would say nothing of it.
+            self._refusal = err
+            self.get_logger().error("".join(traceback.format_exception(err)))
+            return TransitionCallbackReturn.ERROR
+        self.phase = phase
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        self.settings = self._declared.settings()
+        self.options = self._declared.options(self._options_class)
+        self._kept[Phase.UNCONFIGURED] = self._entities()
+        try:
+            self._warm_up()
+            self.configure()
+        except EtdError:
+            self._destroy_but(self._kept[Phase.UNCONFIGURED])
             raise
-        get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
-        return 0
-    finally:
-        if node is not None:
-            node.stop()
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
 
+    def _activate(self) -> None:
+        self._kept[Phase.INACTIVE] = self._entities()
+        self.worker = Worker(
+            f"{self.get_name()}_worker",
+            int(self.options.queue_mib * 2**20),
+            self.options.queue_s,
+            self.on_worker_error,
+            self.dropped,
+        )
+        self.activate()
 
-def _descriptor(default: Any, description: Description) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=description.text, read_only=True)
-    if description.choices:
-        descriptor.additional_constraints = f"one of {', '.join(description.choices)}"
-    low, high = description.low, description.high
-    if isinstance(default, bool) or (low is None and high is None):
-        return descriptor
-    if isinstance(default, int):
-        low_int, high_int = -_INT_MAX if low is None else int(low), _INT_MAX if high is None else int(high)
-        descriptor.integer_range = [IntegerRange(from_value=low_int, to_value=high_int, step=0)]
-    elif isinstance(default, float):
-        low_float, high_float = -_FLOAT_MAX if low is None else float(low), _FLOAT_MAX if high is None else float(high)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low_float, to_value=high_float, step=0.0)]
-    return descriptor
+    def _deactivate(self) -> None:
+        self._inputs.clear()
+        self.deactivate()
+        self._destroy_but(self._kept[Phase.INACTIVE])
+        self.worker.stop()
 
+    def _cleanup(self) -> None:
+        self.cleanup()
+        self._destroy_but(self._kept[Phase.UNCONFIGURED])
 
-def _missing(node: Node, needed: Input) -> str:
-    what = f"{needed.topic} ({needed.type_name}, {needed.qos})"
-    publishers = node.get_publishers_info_by_topic(needed.topic)
-    if not publishers:
-        return f"waiting for {what}: nobody publishes it; {needed.provider}"
-    types = sorted({info.topic_type for info in publishers})
-    return f"waiting for {what}: {len(publishers)} publisher(s) of {', '.join(types)}, no message yet"
+    def _end(self) -> None:
+        self._let_go()
+        self.finished.set_result(None)
+
+    def _let_go(self) -> None:
+        if self.phase is Phase.ACTIVE:
+            self._deactivate()
+            self.phase = Phase.INACTIVE
+        if self.phase is Phase.INACTIVE:
+            self._cleanup()
+            self.phase = Phase.UNCONFIGURED
+
+    def _entities(self) -> set[object]:
+        return {*self.subscriptions, *self.publishers, *self.services, *self.timers}
+
+    def _destroy_but(self, kept: set[object]) -> None:
+        destroy: tuple[tuple[Iterable[Any], Callable[[Any], bool]], ...] = (
+            (self.subscriptions, self.destroy_subscription),
+            (self.timers, self.destroy_timer),
+            (self.services, self.destroy_service),
+            (self.publishers, self.destroy_publisher),
+        )
+        for entities, end in destroy:
+            for entity in set(entities) - kept:
+                end(entity)
+
+    def _warm_up(self) -> None:
+        """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""
+        text = "compiling for this machine, which takes a few seconds to a minute; the next start finds it done"
+        notice = threading.Timer(SLOW_START_S, self.get_logger().info, (text,))
+        notice.start()
+        try:
+            warm_up(self._stages)
+        finally:
+            notice.cancel()
+
+    def _change_parameters(self, names: set[str]) -> None:
+        self.settings = self._declared.settings()
+        self.options = self._declared.options(self._options_class)
+        if self.phase is Phase.ACTIVE:
+            self.worker.max_bytes = int(self.options.queue_mib * 2**20)
+            self.worker.max_age_s = self.options.queue_s
+        stages = {name.partition(".")[0] for name in names if "." in name}
+        self.change(stages)
+        later = sorted(name for name in names if name.partition(".")[0] in stages - AT_ONCE)
+        if later:
+            self.get_logger().info(f"{', '.join(later)}: holds for targets once they start again (~/reset)")
+
+    # --- what it says of itself
+
+    def _publish_diagnostics(self) -> None:
+        level, message = self._health()
+        values: dict[str, object] = {"life cycle": self.phase.value}
+        if self.phase in (Phase.INACTIVE, Phase.ACTIVE):
+            values |= {**self.diagnostics(), **self._rates.per_s(self.counts()), **self.latencies.diagnostics()}
+        status = DiagnosticStatus(
+            level=level,
+            name=self.get_fully_qualified_name().lstrip("/"),
+            message=message,
+            hardware_id="",
+            values=tuple((key, str(value)) for key, value in values.items()),
+        )
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._diagnostics.publish(encode_diagnostics([status], stamp_ns=stamp_ns, frame_id=""))
+
+    def _health(self) -> tuple[Level, str]:
+        """Level and words of the last second: no data outweighs what was made of the data before."""
+        if self.phase is not Phase.ACTIVE:
+            return Level.STALE, self.phase.value
+        losses = self.losses()
+        new_losses, self._reported_losses = losses - self._reported_losses, losses
+        missing = self.missing()
+        if missing:
+            return Level.STALE, "; ".join(missing)
+        level, words = self.level()
+        if new_losses > 0:
+            return max(level, Level.WARN), f"{words}, with losses"
+        return level, words
+
+    def _say_what_is_missing(self) -> None:
+        """At once when it changes, and now and then while it lasts."""
+        sentences = self.missing() if self.phase is Phase.ACTIVE else []
+        self._reminder = 0 if sentences != self._said else self._reminder + 1
+        if sentences and self._reminder % REMINDERS_PERIOD == 0:
+            self.get_logger().info("; ".join(sentences))
+        self._said = sentences

@@ -5,15 +5,47 @@ from __future__ import annotations
 import dataclasses
 import importlib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 from rclpy.subscription import Subscription
 
-from etd_ros.nodes.base import EVENT_QOS, EtdNode, Input
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.connections import EVENT_QOS, Arrivals, Input
 from etd_ros.settings import Settings
-from etd_ros.stream import Restart, StreamBatch, StreamGuard
-from msg_adapters import EVENT_TYPES, EventMessage, Layout, SensorClock, decoder_for
+from etd_ros.stream import Restart, StreamBatch, StreamCounters, StreamGuard
+from msg_adapters import EVENT_TYPES, EventMessage, Layout, MessageError, SensorClock, decoder_for
 
 POLL_PERIOD_S = 0.2
+
+BatchHandler = Callable[[EventMessage, StreamBatch, float], None]
+"""Gets a message, a batch of it, and when the message was received (s, monotonic)."""
+
+
+@dataclass(slots=True)
+class EventCounters:
+    """What has come, from whichever publishers there were."""
+
+    messages: int = 0
+    events: int = 0
+    skipped_words: int = 0
+    off_sensor: int = 0
+    errors: int = 0
+    stream: StreamCounters = field(default_factory=StreamCounters)
+
+    def diagnostics(self) -> dict[str, object]:
+        """For /diagnostics."""
+        return {
+            "event messages": self.messages,
+            "events": self.events,
+            "decode errors": self.errors,
+            "skipped words": self.skipped_words,
+            "events off the sensor": self.off_sensor,
+            "sequence gaps": self.stream.gaps,
+            "lost messages": self.stream.lost_messages,
+            "stream restarts": self.stream.restarts,
+            "steps back in time": self.stream.steps_back,
+            "events clamped in time": self.stream.clamped_events,
+        }
 
 
 class EventDecoding:
@@ -23,14 +55,14 @@ class EventDecoding:
         type_name: ROS 2 type of the messages.
         settings: of the node.
         resumes: whether events were read before: what was missed since then ends their stream.
+        counters: of all publishers so far.
     """
 
-    def __init__(self, type_name: str, settings: Settings, *, resumes: bool) -> None:
-        self.messages = 0
-        self.events = 0
-        self.skipped_words = 0
-        self.off_sensor = 0
-        self.guard = StreamGuard(settings.stream)
+    def __init__(
+        self, type_name: str, settings: Settings, *, resumes: bool, counters: EventCounters | None = None
+    ) -> None:
+        self._counters = counters or EventCounters()
+        self.guard = StreamGuard(settings.stream, self._counters.stream)
         self._decoder = decoder_for(type_name, Layout.ROS2)
         self._clock = SensorClock()
         self._resumes = resumes
@@ -41,11 +73,16 @@ class EventDecoding:
         Raises:
             MessageError: the message cannot be decoded.
         """
-        decoded = self._decoder.decode(message)
-        self.messages += 1
-        self.events += len(decoded.events)
-        self.skipped_words += decoded.skipped_words
-        self.off_sensor += decoded.off_sensor
+        counters = self._counters
+        try:
+            decoded = self._decoder.decode(message)
+        except MessageError:
+            counters.errors += 1
+            raise
+        counters.messages += 1
+        counters.events += len(decoded.events)
+        counters.skipped_words += decoded.skipped_words
+        counters.off_sensor += decoded.off_sensor
         events = self._clock.to_ros(decoded)
         for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding):
             if self._resumes:
@@ -57,13 +94,12 @@ class EventDecoding:
 class EventInput:
     """The subscription to `~/events` of a node.
 
-    It exists only while `wanted()` says so, so that an idle node costs nothing, and takes whichever of the known
-    event types is published.
+    It exists only while the node is active and `wanted()` says so, so that an idle node costs nothing, and takes
+    whichever of the known event types is published.
     """
 
-    def __init__(
-        self, node: EtdNode, handle: Callable[[EventMessage, StreamBatch], None], wanted: Callable[[], bool]
-    ) -> None:
+    def __init__(self, node: EtdNode, handle: BatchHandler, wanted: Callable[[], bool]) -> None:
+        self.counters = EventCounters()
         self._node = node
         self._handle = handle
         self._wanted = wanted
@@ -71,42 +107,51 @@ class EventInput:
         self._subscription: Subscription | None = None
         self._decoding: EventDecoding | None = None
         self._type_name = ""
-        self._received = 0
+        self._arrivals = Arrivals()
         self._refused_types: set[str] = set()
-        self._timer = node.every(POLL_PERIOD_S, self._poll)
-        node.add_input(
+
+    def open(self) -> None:
+        """Read while events are wanted."""
+        self._node.every(POLL_PERIOD_S, self._poll)
+        self._node.add_input(
             Input(
                 topic=self._topic,
-                type_name="event_camera_msgs/msg/EventPacket or another event type",
+                type_names=EVENT_TYPES,
                 qos="best effort, keep last 1000",
                 provider=(
                     "start a camera driver or `ros2 run etd_ros replay`, and remap with "
                     "`--ros-args -r '~/events:=/your_camera/events'`"
                 ),
-                messages=lambda: self._received,
-                wanted=wanted,
+                arrivals=self._arrivals,
+                wanted=self._wanted,
             )
         )
+
+    def close(self) -> None:
+        """Read no more. What is missed until the next `open` ends the stream."""
+        self._unsubscribe()
+
+    def use(self, settings: Settings) -> None:
+        """Have other settings of the stream hold for the events to come. Call it in the worker's thread."""
+        if self._decoding is not None:
+            self._decoding.guard.use(settings.stream)
 
     @property
     def subscribed(self) -> bool:
         """Whether events are read now."""
         return self._subscription is not None
 
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {"event messages": self.counters.messages, "events": self.counters.events}
+
+    def losses(self) -> int:
+        """How often messages were missing."""
+        return self.counters.stream.gaps
+
     def diagnostics(self) -> dict[str, object]:
         """Counters for /diagnostics."""
-        if self._decoding is None:
-            return {"event messages": 0, "events": 0}
-        counters = self._decoding.guard.counters
-        return {
-            "event messages": self._decoding.messages,
-            "events": self._decoding.events,
-            "skipped words": self._decoding.skipped_words,
-            "events off the sensor": self._decoding.off_sensor,
-            "lost messages": counters.lost_messages,
-            "stream restarts": counters.restarts,
-            "events clamped in time": counters.clamped_events,
-        }
+        return {**self.counters.diagnostics(), "reading events": self.subscribed}
 
     def _poll(self) -> None:
         if not self._wanted():
@@ -128,7 +173,8 @@ class EventInput:
             for type_name in sorted(types - self._refused_types):
                 self._refused_types.add(type_name)
                 self._node.get_logger().warning(
-                    f"{self._topic} carries {type_name}, not events: known are {', '.join(sorted(EVENT_TYPES))}"
+                    f"{self._topic} carries {type_name}, not events: remap `~/events` to a topic of one of "
+                    f"{', '.join(sorted(EVENT_TYPES))}"
                 )
             return
         type_name = known[0]
@@ -136,15 +182,16 @@ class EventInput:
         if message_class is None:
             self._node.warn(f"{self._topic} carries {type_name}: build and source {type_name.split('/')[0]}")
             return
-        decoding = EventDecoding(type_name, self._node.settings, resumes=self._decoding is not None)
+        resumes = self._decoding is not None
+        decoding = EventDecoding(type_name, self._node.settings, resumes=resumes, counters=self.counters)
 
         def on_message(message: bytes) -> None:
-            self._received += 1
-            self._node.worker.submit(lambda data: self._decode(decoding, data), message)
+            received_s = self._arrivals.note()
+            self._node.worker.submit(lambda data: self._decode(decoding, data, received_s), message)
 
         self._decoding = decoding
         self._type_name = type_name
-        self._subscription = self._node.create_subscription(message_class, self._topic, on_message, EVENT_QOS, raw=True)
+        self._subscription = self._node.reader(message_class, self._topic, on_message, EVENT_QOS)
         self._node.get_logger().info(f"reading {type_name} from {self._topic}")
 
     def _unsubscribe(self) -> None:
@@ -153,11 +200,11 @@ class EventInput:
             self._subscription = None
             self._node.get_logger().info(f"not reading {self._type_name} from {self._topic} any more")
 
-    def _decode(self, decoding: EventDecoding, message: bytes) -> None:
+    def _decode(self, decoding: EventDecoding, message: bytes, received_s: float) -> None:
         for decoded, batch in decoding.decode(message):
             if batch.restart is not None:
                 self._node.warn(f"the event stream starts anew: {batch.restart.value}")
-            self._handle(decoded, batch)
+            self._handle(decoded, batch, received_s)
 
 
 def _message_class(type_name: str) -> type | None:

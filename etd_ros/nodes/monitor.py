@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS
 from etd_ros.nodes.recorded_tracks import DETECTIONS, FRAMES, IMAGES, STATUS
 from etd_ros.recordings.bag_writer import BagWriter
 from msg_adapters import decode_diagnostics

@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
 
 from etd_ros.conversion import ENTROPY_TARGETS
-from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, make_tracker
-from etd_ros.nodes.base import FRAME_QOS, EtdNode, run_node
+from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, make_tracker, nzge_interval
+from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
+from etd_ros.nodes.figures import FrameFigures
+from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
-from etd_ros.nodes.worker import Inline, Relay
+from etd_ros.nodes.worker import Inline, Relay, Task
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch
 from etd_ros.tracking import MultiTracker, method_named
-from msg_adapters import EventMessage, encode_image
+from msg_adapters import EventMessage, Level, encode_image
 
 PARTS_AHEAD = 8
 """Frames that may wait for reconstruction, and as many for the tracker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a frame comes from.
+
+    Attributes:
+        frame_id: of the message that finished it.
+        received_s: when that message was received (s, monotonic).
+    """
+
+    frame_id: str
+    received_s: float
 
 
 class Pipeline(EtdNode):
@@ -31,47 +47,91 @@ class Pipeline(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("pipeline", tuple(STAGES), TrackingOptions)
+        self._input = EventInput(self, self._on_events, self._is_read)
+
+    def configure(self) -> None:
+        """Make the stages, each for a thread of its own."""
         make_tracker(self.options.method, 1, 1, self.settings)
-        method = method_named(self.options.method)
-        self._imaging = self._stage("pipeline_imaging")
-        self._tracking = self._stage("pipeline_tracking")
+        method = self._method = method_named(self.options.method)
         self._regions = SearchRegions()
-        self._recovers = method.recovers
         self._frame_sources = PerSensor(lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions))
         self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
+        self._figures = FrameFigures(nzge_interval(method.conversion, self.settings))
         self._tracker: MultiTracker | None = None
         self._tracker_shape = (0, 0)
-        self._targets = TargetInput(self, self._tracking.submit)
+        self._targets = TargetInput(self, self._in_tracking)
         self._output = TrackingOutput(self)
-        self._frames = self.create_publisher(Image, "~/frames", FRAME_QOS)
-        self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
-        self._reset = ResetService(self, lambda _: self._tracking.submit(self._forget))
-        self._input = EventInput(self, self._on_events, self._wanted)
+        self._frames = self.publisher(Image, "~/frames")
+        self._images = self.publisher(Image, "~/image_raw")
 
-    def _stage(self, name: str) -> Relay | Inline:
-        """A thread, except where each frame waits for the boxes of the last one."""
-        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
-            return Inline(self._on_worker_error)
-        return Relay(name, PARTS_AHEAD, self._on_worker_error)
+    def activate(self) -> None:
+        """Start the threads; begin to read."""
+        self._imaging = self._stage("pipeline_imaging")
+        self._tracking = self._stage("pipeline_tracking")
+        self._targets.open()
+        ResetService(self, lambda: self._in_tracking(self._forget))
+        self._input.open()
+
+    def deactivate(self) -> None:
+        """Read no more, and end the threads, the last one first: an earlier one may be waiting for it."""
+        self._input.close()
+        self._tracking.stop()
+        self._imaging.stop()
+
+    def cleanup(self) -> None:
+        """End the log to the viewer."""
+        self._output.close()
+
+    def change(self, stages: set[str]) -> None:
+        """From the next message on."""
+        self._figures.interval = nzge_interval(self._method.conversion, self.settings)
+        self.request(lambda: self._input.use(self.settings))
+        if stages & {"noise_filter", "atsltd", "fixed_window", "fixed_count"}:
+            self.request(self._frame_sources.forget)
+        if "reconstruction" in stages:
+            self.request(lambda: self._in_imaging(self._image_sources.forget))
+
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {**self._input.counts(), "frames": self._figures.frames, **self._output.counts()}
+
+    def losses(self) -> int:
+        """How much went wrong so far."""
+        return super().losses() + self._input.losses()
+
+    def level(self) -> tuple[Level, str]:
+        """As the targets fare."""
+        return self._output.level()
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
         return {
             **super().diagnostics(),
             **self._input.diagnostics(),
-            "reading events": self._input.subscribed,
+            **self._figures.diagnostics(),
             "targets": len(self._targets),
             **self._output.diagnostics(),
         }
 
-    def stop(self) -> None:
-        """End the threads, the last one first: an earlier one may be waiting for it."""
-        self._tracking.stop()
-        self._imaging.stop()
-        super().stop()
-        self._output.close()
+    def _stage(self, name: str) -> Relay | Inline:
+        """A thread, except where each frame waits for the boxes of the last one."""
+        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
+            return Inline(self.on_worker_error)
+        return Relay(name, PARTS_AHEAD, self.on_worker_error)
 
-    def _wanted(self) -> bool:
+    def _in_imaging(self, task: Task) -> None:
+        if self.phase is Phase.ACTIVE:
+            self._imaging.submit(task)
+        else:
+            task()
+
+    def _in_tracking(self, task: Task) -> None:
+        if self.phase is Phase.ACTIVE:
+            self._tracking.submit(task)
+        else:
+            task()
+
+    def _is_read(self) -> bool:
         return bool(
             self._output.subscribers or self._frames.get_subscription_count() or self._images.get_subscription_count()
         )
@@ -79,23 +139,26 @@ class Pipeline(EtdNode):
     def _forget(self) -> None:
         self._tracker = None
 
-    def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
+    def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
+        origin = Origin(message.frame_id, received_s)
         for part in self._frame_sources.at(batch).parts(batch):
-            self._hand_over(part, message.frame_id)
+            if part.frame is not None:
+                self._figures.note(part.frame)
+            self._hand_over(part, origin)
 
-    def _hand_over(self, part: Part, frame_id: str) -> None:
-        if self._recovers:
-            self._imaging.submit(lambda: self._reconstruct(part, frame_id))
+    def _hand_over(self, part: Part, origin: Origin) -> None:
+        if self._method.recovers:
+            self._imaging.submit(lambda: self._reconstruct(part, origin))
         elif part.frame is not None:
-            self._tracking.submit(lambda: self._track(part, frame_id))
+            self._tracking.submit(lambda: self._track(part, origin))
 
-    def _reconstruct(self, part: Part, frame_id: str) -> None:
+    def _reconstruct(self, part: Part, origin: Origin) -> None:
         imaged = self._image_sources.at(part.batch).take(part)
         if imaged.frame is not None:
-            self._tracking.submit(lambda: self._track(imaged, frame_id))
+            self._tracking.submit(lambda: self._track(imaged, origin))
 
-    def _track(self, part: Part, frame_id: str) -> None:
-        frame, image = part.frame, part.image
+    def _track(self, part: Part, origin: Origin) -> None:
+        frame, image, frame_id = part.frame, part.image, origin.frame_id
         assert frame is not None
         height, width = shape = frame.data.shape[:2]
         if self._tracker is None or shape != self._tracker_shape:
@@ -103,16 +166,17 @@ class Pipeline(EtdNode):
                 self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
             )
             self._tracker_shape = shape
-            self._targets.start_all(self._tracker, frame.start_ns)
+            self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._regions.boxes = self._tracker.search_regions()
-        self._targets.say_notices(self._tracker)
+        self._targets.note(frame.stamp_ns, self._tracker, reports)
         if self._frames.get_subscription_count():
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions, frame.nzge)
+        self.latencies.note(origin.received_s)
 
 
 def main() -> int:

@@ -7,8 +7,9 @@ from collections import deque
 
 from sensor_msgs.msg import Image
 
-from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, NodeOptions, run_node
+from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.event_input import EventInput
+from etd_ros.nodes.running import run_node
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, MessageError, decode_image, encode_image
@@ -22,43 +23,62 @@ class Reconstruction(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("reconstruction", STAGES, NodeOptions)
-        self._images = self.create_publisher(Image, "~/image_raw", FRAME_QOS)
+        self._input = EventInput(self, self._on_events, self.is_wanted)
+
+    def configure(self) -> None:
+        """Start without a filter: the first event tells the sensor's size."""
+        self._images = self.publisher(Image, "~/image_raw")
         self._reconstruction: SynchronisedReconstruction | None = None
         self._size = (0, 0)
         self._frame_id = ""
         self._early_stamps: deque[int] = deque(maxlen=EARLY_STAMPS_MAX)
+        self._received_s = 0.0
         self._stamps = 0
         self._published = 0
-        self._events = EventInput(self, self._on_events, self._wanted)
-        self._frames = self.create_subscription(Image, "accumulator/frames", self._on_frame, FRAME_QOS, raw=True)
-        self.add_input(
-            Input(
-                topic=self._frames.topic_name,
-                type_name="sensor_msgs/msg/Image",
-                qos="reliable",
-                provider="start `ros2 run etd_ros accumulator`",
-                messages=lambda: self._stamps,
-                wanted=self._wanted,
-            )
-        )
+
+    def activate(self) -> None:
+        """Begin to read."""
+        self._input.open()
+        self.needed_reader(Image, "accumulator/frames", "start `ros2 run etd_ros accumulator`", self._on_frame)
+
+    def deactivate(self) -> None:
+        """Read no more."""
+        self._input.close()
+
+    def change(self, stages: set[str]) -> None:
+        """From the next message on."""
+        self.request(lambda: self._input.use(self.settings))
+        if "reconstruction" in stages:
+            self.request(self._forget)
+
+    def is_wanted(self) -> bool:
+        """Whether somebody reads the images."""
+        return self._images.get_subscription_count() > 0
+
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {**self._input.counts(), "stamps": self._stamps, "images": self._published}
+
+    def losses(self) -> int:
+        """How much went wrong so far."""
+        return super().losses() + self._input.losses()
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
         held = self._reconstruction
         return {
             **super().diagnostics(),
-            **self._events.diagnostics(),
+            **self._input.diagnostics(),
             "stamps": self._stamps,
             "images": self._published,
             "events integrated before their stamp": held.integrated_early if held else 0,
-            "reading events": self._events.subscribed,
             "image subscribers": self._images.get_subscription_count(),
         }
 
-    def _wanted(self) -> bool:
-        return self._images.get_subscription_count() > 0
+    def _forget(self) -> None:
+        self._reconstruction = None
 
-    def _on_frame(self, message: bytes) -> None:
+    def _on_frame(self, message: bytes, _: float) -> None:
         self._stamps += 1
         try:
             stamp_ns = decode_image(message).stamp_ns
@@ -66,7 +86,7 @@ class Reconstruction(EtdNode):
             self.count_error(err)
             return
         # The pixels are not queued: they would take the events' room.
-        self.worker.submit(lambda _: self._on_stamp(stamp_ns), b"")
+        self.request(lambda: self._on_stamp(stamp_ns))
 
     def _on_stamp(self, stamp_ns: int) -> None:
         if self._reconstruction is None:
@@ -75,8 +95,9 @@ class Reconstruction(EtdNode):
             self._reconstruction.request(stamp_ns)
             self._publish_ready()
 
-    def _on_events(self, message: EventMessage, batch: StreamBatch) -> None:
+    def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
         events = batch.events
+        self._received_s = received_s
         self._frame_id = message.frame_id
         if self._reconstruction is None or (events.width, events.height) != self._size:
             self._size = (events.width, events.height)
@@ -94,6 +115,7 @@ class Reconstruction(EtdNode):
         for stamp_ns, image in self._reconstruction.ready():
             self._published += 1
             self._images.publish(encode_image(image, stamp_ns=stamp_ns, frame_id=self._frame_id))
+            self.latencies.note(self._received_s)
 
 
 def main() -> int:

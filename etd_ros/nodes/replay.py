@@ -25,7 +25,8 @@ from sensor_msgs.msg import Image
 from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
-from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS, ros_error, start_ros
+from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.running import ros_error, start_ros
 from etd_ros.recordings import RecordedMessage, Recording, open_recording
 from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
 

@@ -18,9 +18,10 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.afterglow import Afterglow, PictureRate
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
-from etd_ros.nodes.base import FRAME_QOS, EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
-from etd_ros.nodes.worker import Handler, Task
+from etd_ros.nodes.target_memory import TargetMemory, was_lost
+from etd_ros.nodes.worker import Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
 from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
@@ -53,6 +54,9 @@ class TrackingOptions(NodeOptions):
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
     auto: bool = parameter(False, "moving objects become targets auto_1, auto_2, ... by themselves")
+    memory_file: str = parameter(
+        "", "file for the targets' last boxes, written once a second: a node that is started again takes them back"
+    )
     rerun: str = parameter(
         "", "logs to the Rerun viewer: FILE.rrd, `spawn` to start one, or the address of one that runs"
     )
@@ -60,6 +64,7 @@ class TrackingOptions(NodeOptions):
 
 OVERLAYS_PER_S = 30
 """Frames come by the hundred a second; more pictures than that would cost a network more than events do."""
+MEMORY_PERIOD_S = 1.0
 UNNAMED_MAX = 64
 """Most boxes and clicks without a name that are targets at once: a detector that names nothing sends ever new ones."""
 
@@ -72,11 +77,15 @@ class TargetInput:
     Args:
         node: whose parameters and topic they are.
         submit: runs a task in the tracker's thread, where the targets are started; by default that is the worker's.
+
+    Raises:
+        EtdError: the targets of the parameters, or the memory's file, cannot be read.
     """
 
     def __init__(self, node: EtdNode, submit: Callable[[Task], None] = lambda task: task()) -> None:
         self._node = node
         self._submit = submit
+        self._memory = TargetMemory(Path(node.options.memory_file) if node.options.memory_file else None)
         self._targets = {target.name: target for target in _from_options(node.options)}
         self._new: dict[str, TargetStart] = {}
         self._stopped: set[str] = set()
@@ -84,29 +93,62 @@ class TargetInput:
         self._numbers = {"target": 0, "point": 0}
         self._unnamed: set[str] = set()
         self._has_begun = False
-        self._boxes_in = node.create_subscription(Detection2DArray, "~/targets", self._receive, FRAME_QOS, raw=True)
-        self._points_in = node.create_subscription(
-            PointStamped, "~/clicked_point", self._receive_point, FRAME_QOS, raw=True
-        )
 
     def __len__(self) -> int:
         return len(self._targets)
 
-    def start_all(self, tracker: MultiTracker, first_ns: int) -> None:
-        """Start every target on a new tracker.
+    def open(self) -> None:
+        """Listen."""
+        self._node.reader(Detection2DArray, "~/targets", self._receive)
+        self._node.reader(PointStamped, "~/clicked_point", self._receive_point)
+        self._node.every(MEMORY_PERIOD_S, self._remember)
+
+    def start_all(self, tracker: MultiTracker, stamp_ns: int, first_ns: int) -> None:
+        """Start every target on a new tracker: at its box, or where the node's last life has left it.
 
         Args:
             tracker: the new tracker.
+            stamp_ns: of its first frame (ns).
             first_ns: earliest time (ns) that the first data may be of. Targets that start before it are counted as
                 errors when the node begins; they are tracked from the next frame on.
         """
         self._new.clear()
         self._stopped.clear()
+        taken_back = set() if self._has_begun else self._take_back(tracker, stamp_ns)
         for target in tuple(self._targets.values()):
+            if target.name in taken_back:
+                continue
             self._start(tracker, target)
             if not self._has_begun:
                 self._check_start(target, first_ns)
         self._has_begun = True
+
+    def note(self, stamp_ns: int, tracker: MultiTracker, reports: tuple[TargetReport, ...]) -> None:
+        """What a frame brought: remembered, and said in the log where clicks start nothing."""
+        self._memory.note(stamp_ns, reports)
+        for notice in tracker.take_notices():
+            self._node.get_logger().warning(notice)
+        self._unnamed.intersection_update({*self._targets, *tracker.targets, *tracker.waiting_clicks})
+
+    def _take_back(self, tracker: MultiTracker, stamp_ns: int) -> set[str]:
+        """Start targets where the memory has them; returns the names of all that it has."""
+        rows = self._memory.recall(stamp_ns)
+        for row in rows:
+            if was_lost(row):
+                self._node.get_logger().warning(f"{row.target} was lost before the restart: give it a new box")
+            elif row.box is not None:
+                target = TargetStart(row.target, row.box)
+                self._targets.setdefault(row.target, target)
+                self._start(tracker, target)
+                age_s = (stamp_ns - row.stamp_ns) * 1e-9
+                self._node.get_logger().info(f"{row.target} is taken back where it was {age_s:.1f} s ago")
+        return {row.target for row in rows}
+
+    def _remember(self) -> None:
+        try:
+            self._memory.save()
+        except EtdError as err:
+            self._node.count_error(err)
 
     def start_new(self, tracker: MultiTracker) -> None:
         """Stop, start, or start again the targets that came since the last call."""
@@ -119,12 +161,6 @@ class TargetInput:
         self._stopped.clear()
         self._new.clear()
         self._clicks.clear()
-
-    def say_notices(self, tracker: MultiTracker) -> None:
-        """Say in the log what became of clicks that start nothing."""
-        for notice in tracker.take_notices():
-            self._node.get_logger().warning(notice)
-        self._unnamed.intersection_update({*self._targets, *tracker.targets, *tracker.waiting_clicks})
 
     def _click(self, tracker: MultiTracker, click: Click) -> None:
         try:
@@ -148,7 +184,7 @@ class TargetInput:
             self._node.count_error(err)
 
     def _receive(self, message: bytes) -> None:
-        self._node.worker.submit(self._decode, message)
+        self._node.worker.submit_request(self._decode, message)
 
     def _decode(self, message: bytes) -> None:
         decoded = decode_detections(message)
@@ -175,7 +211,7 @@ class TargetInput:
         self._stopped.add(name)
 
     def _receive_point(self, message: bytes) -> None:
-        self._node.worker.submit(self._decode_point, message)
+        self._node.worker.submit_request(self._decode_point, message)
 
     def _decode_point(self, message: bytes) -> None:
         # Whoever clicks means what is there now, whichever clock his viewer stamps by.
@@ -201,15 +237,15 @@ class TargetInput:
 
 
 class ResetService:
-    """`~/reset`: has the worker call `forget`, after which every target starts again."""
+    """`~/reset`: has `forget` called, after which every target starts again."""
 
-    def __init__(self, node: EtdNode, forget: Handler) -> None:
-        self._worker = node.worker
+    def __init__(self, node: EtdNode, forget: Task) -> None:
+        self._node = node
         self._forget = forget
-        self._service = node.create_service(Trigger, "~/reset", self._on_request)
+        node.create_service(Trigger, "~/reset", self._on_request)
 
     def _on_request(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._worker.submit(self._forget, b"")
+        self._node.request(self._forget)
         response.success, response.message = True, "every target starts again at its box"
         return response
 
@@ -218,16 +254,17 @@ class TrackingOutput:
     """Publishes `~/detections`, `~/search_regions`, `~/status` and `~/overlay`, and logs to the Rerun viewer."""
 
     def __init__(self, node: EtdNode) -> None:
-        self._detections = node.create_publisher(Detection2DArray, "~/detections", FRAME_QOS)
-        self._search_regions = node.create_publisher(Detection2DArray, "~/search_regions", FRAME_QOS)
-        self._status = node.create_publisher(DiagnosticArray, "~/status", FRAME_QOS)
-        self._overlay = node.create_publisher(Image, "~/overlay", FRAME_QOS)
+        self._detections = node.publisher(Detection2DArray, "~/detections")
+        self._search_regions = node.publisher(Detection2DArray, "~/search_regions")
+        self._status = node.publisher(DiagnosticArray, "~/status")
+        self._overlay = node.publisher(Image, "~/overlay")
         self._overlay_rate = PictureRate(OVERLAYS_PER_S)
         self._afterglow = Afterglow()
         self._rerun = RerunOutput(node, node.options.rerun)
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._frames_tracked = 0
-        self._states: dict[str, str] = {}
+        self._boxes = 0
+        self._states: dict[str, TargetState] = {}
 
     @property
     def subscribers(self) -> int:
@@ -239,12 +276,26 @@ class TrackingOutput:
         """End the log to the Rerun viewer."""
         self._rerun.close()
 
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {"boxes": self._boxes}
+
+    def level(self) -> tuple[Level, str]:
+        """As the target that fares worst, among those that have started."""
+        started = {name: state for name, state in self._states.items() if state is not TargetState.IDLE}
+        if not started:
+            return Level.OK, "running, no target has started"
+        worst = max(started.values(), key=lambda state: LEVELS[state])
+        names = [name for name, state in started.items() if state is worst]
+        return LEVELS[worst], f"{worst.value}: {', '.join(names)}"
+
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
         return {
             "frames tracked": self._frames_tracked,
+            "boxes": self._boxes,
             "search region subscribers": self._search_regions.get_subscription_count(),
-            **{f"state of {name}": state for name, state in self._states.items()},
+            **{f"state of {name}": state.value for name, state in self._states.items()},
         }
 
     def publish(
@@ -259,12 +310,13 @@ class TrackingOutput:
     ) -> None:
         """Say what one frame brought; stamps, frame_id and NZGE are those of the frame."""
         self._frames_tracked += 1
-        self._states = {report.name: report.state.value for report in reports}
+        self._states = {report.name: report.state for report in reports}
         detections = [
             Detection(id=report.name, box=report.box, score=report.score, class_id=report.name)
             for report in reports
             if report.box is not None
         ]
+        self._boxes += len(detections)
         self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
         statuses = [self._status_of(report, frame_id) for report in reports]
         self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))

@@ -7,17 +7,20 @@ import sys
 import time
 from collections import OrderedDict, deque
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image
 
 from etd_ros.engine import make_tracker
-from etd_ros.nodes.base import FRAME_QOS, EtdNode, Input, run_node
+from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.connections import Arrivals
+from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
 from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
-from msg_adapters import ImageMessage, Layout, MessageError, decode_image
+from msg_adapters import ImageMessage, Layout, Level, MessageError, decode_image
 
 STAGES = ("detection", "tracking", "contours", "discovery", "recovery")
 EARLY_IMAGES_MAX = 64
@@ -29,6 +32,8 @@ FIRST_FRAME_MAX_NS = 1_000_000_000
 @dataclass(frozen=True, slots=True)
 class TrackerOptions(TrackingOptions):
     """Parameters of the tracker."""
+
+    AT_ONCE: ClassVar[frozenset[str]] = NodeOptions.AT_ONCE | {"image_wait_s"}
 
     image_wait_s: float = parameter(
         1.0, "longest wait for the intensity image of a frame before it is tracked without (s)", low=0.0, high=60.0
@@ -50,9 +55,9 @@ class FramePairs:
         self._frames: deque[tuple[float, ImageMessage]] = deque()
         self._images: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
-    def add_frame(self, frame: ImageMessage) -> None:
-        """A frame has come."""
-        self._frames.append((time.monotonic(), frame))
+    def add_frame(self, frame: ImageMessage, received_s: float) -> None:
+        """A frame has come, at `received_s` (s, monotonic)."""
+        self._frames.append((received_s, frame))
         self._waiting_bytes += frame.data.nbytes
 
     def add_image(self, image: ImageMessage) -> None:
@@ -61,8 +66,8 @@ class FramePairs:
         while len(self._images) > EARLY_IMAGES_MAX:
             self._images.popitem(last=False)
 
-    def pop(self, known_until_s: float) -> tuple[ImageMessage, npt.NDArray[np.uint8] | None] | None:
-        """The oldest frame that is ready, with its image if there is one.
+    def pop(self, known_until_s: float) -> tuple[float, ImageMessage, npt.NDArray[np.uint8] | None] | None:
+        """When the oldest frame that is ready was received (s, monotonic), the frame, and its image if there is one.
 
         Args:
             known_until_s: every image that came before this time (s, monotonic) has been added; -inf where that is
@@ -70,14 +75,14 @@ class FramePairs:
         """
         if not self._frames:
             return None
-        arrived_s, frame = self._frames[0]
+        received_s, frame = self._frames[0]
         image = self._images.pop(frame.stamp_ns, None)
-        if image is None and not self._is_overdue(known_until_s - arrived_s):
+        if image is None and not self._is_overdue(known_until_s - received_s):
             return None
         self._frames.popleft()
         self._waiting_bytes -= frame.data.nbytes
         self.frames_without_image += image is None
-        return frame, image
+        return received_s, frame, image
 
     def _is_overdue(self, waited_s: float) -> bool:
         """Images come in the frames' order: one of a later frame says that this one's will not come."""
@@ -91,30 +96,49 @@ class Tracker(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("tracker", STAGES, TrackerOptions)
+
+    def configure(self) -> None:
+        """Make what does not wait for a frame to tell the sensor's size."""
+        make_tracker(self.options.method, 1, 1, self.settings)
+        self._recovers = method_named(self.options.method).recovers
         self._targets = TargetInput(self)
         self._output = TrackingOutput(self)
-        self._recovers = method_named(self.options.method).recovers
         self._pairs = FramePairs(0.0, int(self.options.queue_mib * 2**20))
         self._tracker: MultiTracker | None = None
         self._size = (0, 0)
-        self._received = {"frames": 0, "images": 0}
-        make_tracker(self.options.method, 1, 1, self.settings)
-        self._frames = self.create_subscription(Image, "accumulator/frames", self._on_frame, FRAME_QOS, raw=True)
-        self._name_input(self._frames.topic_name, "frames", "start `ros2 run etd_ros accumulator`")
+        self._frames = self._images = Arrivals()
+
+    def activate(self) -> None:
+        """Begin to read."""
+        self._targets.open()
+        self._frames = self.needed_reader(
+            Image, "accumulator/frames", "start `ros2 run etd_ros accumulator`", self._on_frame
+        )
         if self._recovers:
-            self._images = self.create_subscription(
-                Image, "reconstruction/image_raw", self._on_image, FRAME_QOS, raw=True
+            self._images = self.needed_reader(
+                Image, "reconstruction/image_raw", "start `ros2 run etd_ros reconstruction`", self._on_image
             )
-            self._name_input(self._images.topic_name, "images", "start `ros2 run etd_ros reconstruction`")
-        self._reset = ResetService(self, self._forget)
-        self._flush_timer = self.every(FLUSH_PERIOD_S, self._flush)
+        ResetService(self, self._forget)
+        self.every(FLUSH_PERIOD_S, self._flush)
+
+    def cleanup(self) -> None:
+        """End the log to the viewer."""
+        self._output.close()
+
+    def counts(self) -> dict[str, int]:
+        """Counters whose rates are reported."""
+        return {"frames": self._frames.messages, "images": self._images.messages, **self._output.counts()}
+
+    def level(self) -> tuple[Level, str]:
+        """As the targets fare."""
+        return self._output.level()
 
     def diagnostics(self) -> dict[str, object]:
         """Figures for /diagnostics."""
         return {
             **super().diagnostics(),
-            "frames received": self._received["frames"],
-            "images received": self._received["images"],
+            "frames received": self._frames.messages,
+            "images received": self._images.messages,
             "frames without image": self._pairs.frames_without_image if self._recovers else 0,
             "targets": len(self._targets),
             **self._output.diagnostics(),
@@ -132,30 +156,19 @@ class Tracker(EtdNode):
             )
         return sentences
 
-    def stop(self) -> None:
-        """End the worker, then what it logs to."""
-        super().stop()
-        self._output.close()
+    def _on_frame(self, message: bytes, received_s: float) -> None:
+        self.worker.submit(lambda data: self._take_frame(data, received_s), message)
 
-    def _name_input(self, topic: str, kind: str, provider: str) -> None:
-        self.add_input(
-            Input(topic, "sensor_msgs/msg/Image", "reliable", provider, lambda: self._received[kind], lambda: True)
-        )
-
-    def _on_frame(self, message: bytes) -> None:
-        self._received["frames"] += 1
-        self.worker.submit(self._take_frame, message)
-
-    def _on_image(self, message: bytes) -> None:
-        self._received["images"] += 1
+    def _on_image(self, message: bytes, _: float) -> None:
         self.worker.submit(self._take_image, message)
 
-    def _take_frame(self, message: bytes) -> None:
+    def _take_frame(self, message: bytes, received_s: float) -> None:
         frame = decode_image(message, Layout.ROS2)
         if frame.encoding != "8UC2":
-            msg = f"{self._frames.topic_name}: encoding {frame.encoding} is not 8UC2: remap it to frames"
+            topic = self.resolve_topic_name("accumulator/frames")
+            msg = f"{topic}: encoding {frame.encoding} is not 8UC2: remap it to frames"
             raise MessageError(msg)
-        self._pairs.add_frame(frame)
+        self._pairs.add_frame(frame, received_s)
         self._advance()
 
     def _take_image(self, message: bytes) -> None:
@@ -164,31 +177,32 @@ class Tracker(EtdNode):
 
     def _flush(self) -> None:
         """Frames whose image is overdue go on without; where nobody makes images, none is waited for."""
-        has_images = self._recovers and self.count_publishers(self._images.topic_name) > 0
+        has_images = self._recovers and self.count_publishers(self.resolve_topic_name("reconstruction/image_raw")) > 0
         self._pairs.wait_s = self.options.image_wait_s if has_images else 0.0
         now_s = time.monotonic()
-        self.worker.submit(lambda _: self._advance(now_s), b"")
+        self.request(lambda: self._advance(now_s))
 
-    def _forget(self, _: bytes) -> None:
+    def _forget(self) -> None:
         self._tracker = None
 
     def _advance(self, known_until_s: float = -math.inf) -> None:
         while (pair := self._pairs.pop(known_until_s)) is not None:
             self._track(*pair)
 
-    def _track(self, frame: ImageMessage, image: npt.NDArray[np.uint8] | None) -> None:
+    def _track(self, received_s: float, frame: ImageMessage, image: npt.NDArray[np.uint8] | None) -> None:
         height, width = frame.data.shape[:2]
         if self._tracker is None or (width, height) != self._size:
             self._size = (width, height)
             self._tracker = make_tracker(
                 self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
             )
-            self._targets.start_all(self._tracker, frame.stamp_ns - FIRST_FRAME_MAX_NS)
+            self._targets.start_all(self._tracker, frame.stamp_ns, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._tracker.search_regions()
-        self._targets.say_notices(self._tracker)
+        self._targets.note(frame.stamp_ns, self._tracker, reports)
         self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions)
+        self.latencies.note(received_s)
 
 
 def main() -> int:

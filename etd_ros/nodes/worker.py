@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,12 +20,22 @@ class WorkerCounters:
     dropped_bytes: int = 0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Waiting:
+    """A task in a queue; `received_s` is when it came (s, monotonic)."""
+
+    task: Task
+    size: int = 0
+    received_s: float = 0.0
+    is_data: bool = False
+
+
 class _TaskThread:
     """Runs tasks, one at a time and in order; subclasses decide what waits."""
 
     def __init__(self, name: str, on_error: Callable[[Exception], None]) -> None:
         self._on_error = on_error
-        self._queue: deque[tuple[Task, int]] = deque()
+        self._queue: deque[_Waiting] = deque()
         self._queued_bytes = 0
         self._stopping = False
         self._changed = threading.Condition()
@@ -44,25 +55,45 @@ class _TaskThread:
                 self._changed.wait_for(lambda: self._stopping or self._queue)
                 if self._stopping:
                     return
-                task, size = self._queue.popleft()
-                self._queued_bytes -= size
+                self._drop_late()
+                waiting = self._queue.popleft()
+                self._queued_bytes -= waiting.size
                 self._changed.notify_all()
             try:
-                task()
+                waiting.task()
             except Exception as err:
                 self._on_error(err)
+
+    def _drop_late(self) -> None:
+        """Drop what is not worth doing any more; at least one task stays."""
 
 
 class Worker(_TaskThread):
     """Runs handlers on messages in a thread of its own.
 
-    The executor's thread only puts messages in, so that DDS never waits for the method. When the queue holds
-    more than `max_bytes`, the oldest messages are dropped and counted: late boxes are worth less than lost ones.
+    The executor's thread only puts messages in, so that DDS never waits for the method. Late boxes are worth less than
+    lost ones: where the work does not keep up, data is dropped and counted.
+
+    Args:
+        name: of the thread.
+        max_bytes: when the queue holds more, the oldest data is dropped.
+        max_age_s: when the oldest data has waited for longer (s), all but the newest is dropped: what is worked on
+            between two such moments is without gaps, which a method that follows motion needs more than an even share.
+        on_error: called with what a handler raises.
+        counters: of what is dropped.
     """
 
-    def __init__(self, name: str, max_bytes: int, on_error: Callable[[Exception], None]) -> None:
-        self.counters = WorkerCounters()
-        self._max_bytes = max_bytes
+    def __init__(
+        self,
+        name: str,
+        max_bytes: int,
+        max_age_s: float,
+        on_error: Callable[[Exception], None],
+        counters: WorkerCounters | None = None,
+    ) -> None:
+        self.counters = counters or WorkerCounters()
+        self.max_bytes = max_bytes
+        self.max_age_s = max_age_s
         super().__init__(name, on_error)
 
     @property
@@ -71,16 +102,34 @@ class Worker(_TaskThread):
         return self._queued_bytes
 
     def submit(self, handler: Handler, message: bytes) -> None:
-        """Have `handler(message)` called in the worker's thread."""
+        """Have `handler(message)` called in the worker's thread, unless it is dropped as too old before."""
+        self._put(handler, message, is_data=True)
+
+    def submit_request(self, handler: Handler, message: bytes = b"") -> None:
+        """The same for what is not sent again and again, such as a target: data is dropped before it."""
+        self._put(handler, message, is_data=False)
+
+    def _put(self, handler: Handler, message: bytes, *, is_data: bool) -> None:
         with self._changed:
-            self._queue.append((lambda: handler(message), len(message)))
+            self._queue.append(_Waiting(lambda: handler(message), len(message), time.monotonic(), is_data))
             self._queued_bytes += len(message)
-            while self._queued_bytes > self._max_bytes and len(self._queue) > 1:
-                _, dropped_bytes = self._queue.popleft()
-                self._queued_bytes -= dropped_bytes
-                self.counters.dropped_messages += 1
-                self.counters.dropped_bytes += dropped_bytes
+            while self._queued_bytes > self.max_bytes and len(self._queue) > 1:
+                self._drop(next((waiting for waiting in self._queue if waiting.is_data), self._queue[0]))
             self._changed.notify_all()
+
+    def _drop_late(self) -> None:
+        oldest = next((waiting for waiting in self._queue if waiting.is_data), None)
+        if oldest is None or time.monotonic() - oldest.received_s <= self.max_age_s:
+            return
+        data = [waiting for waiting in self._queue if waiting.is_data]
+        for waiting in data[:-1]:
+            self._drop(waiting)
+
+    def _drop(self, waiting: _Waiting) -> None:
+        self._queue.remove(waiting)
+        self._queued_bytes -= waiting.size
+        self.counters.dropped_messages += 1
+        self.counters.dropped_bytes += waiting.size
 
 
 class Inline:
@@ -114,5 +163,5 @@ class Relay(_TaskThread):
         """Have the task run in the relay's thread; return once fewer than `depth` wait, or the relay is stopped."""
         with self._changed:
             self._changed.wait_for(lambda: self._stopping or len(self._queue) < self._depth)
-            self._queue.append((task, 0))
+            self._queue.append(_Waiting(task))
             self._changed.notify_all()

@@ -14,7 +14,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.nodes.base import FRAME_QOS
+from etd_ros.nodes.connections import FRAME_QOS
 from msg_adapters import decode_detections, decode_diagnostics
 
 

@@ -18,13 +18,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS
 from msg_adapters import decode_diagnostics
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml")
 DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
 TIMEOUT_S = 60.0
+PATIENT = ("-p", "queue_s:=3600.0")
 LISTEN_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
@@ -52,7 +53,8 @@ class Bench:
         self.listen("/diagnostics", DiagnosticArray, self._take_diagnostics)
 
     def start(self, name: str, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-        """Start `python -m etd_ros.nodes.<name>`."""
+        """Start `python -m etd_ros.nodes.<name>`; a node is patient on a busy machine, unless `ros` says otherwise."""
+        ros = ros if name == "replay" else (*PATIENT, *ros)
         environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "PYTHONUNBUFFERED": "1"}
         with (self._folder / f"{name}.log").open("w") as log:
             process = subprocess.Popen(

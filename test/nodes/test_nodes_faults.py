@@ -13,7 +13,7 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.boxes import Box
-from etd_ros.nodes.base import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
 from msg_adapters import Detection, decode_detections, encode_detections
 
 EVENTS = "/event_camera/events"
@@ -40,7 +40,8 @@ def test_a_node_leaves_quietly_when_told_to(bench, name, by):
 def test_a_node_that_is_told_to_leave_while_it_publishes_leaves_quietly(by):
     program = f"""
 import signal, sys, time
-from etd_ros.nodes.base import EtdNode, NodeOptions, run_node
+from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.running import run_node
 
 class Publishing(EtdNode):
     def diagnostics(self):

@@ -11,7 +11,7 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.engine import Step, track
 from etd_ros.events import Events, concatenate
-from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS
 from etd_ros.recordings import open_recording
 from etd_ros.settings import settings_from_mapping
 from etd_ros.stream import StreamBatch

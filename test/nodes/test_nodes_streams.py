@@ -7,7 +7,7 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.events import Events
-from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS
 from etd_ros.nodes.event_input import EventDecoding
 from etd_ros.settings import Settings
 from etd_ros.stream import Restart

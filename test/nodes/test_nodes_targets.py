@@ -7,7 +7,7 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation import read_boxes
-from etd_ros.nodes.base import FRAME_QOS
+from etd_ros.nodes.connections import FRAME_QOS
 from msg_adapters import Detection, PointMessage, decode_detections, encode_detections, encode_point
 
 

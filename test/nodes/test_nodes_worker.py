@@ -14,7 +14,7 @@ def errors():
 
 @pytest.fixture
 def worker(errors):
-    made = Worker("test", 100, errors.append)
+    made = Worker("test", 100, 3600.0, errors.append)
     yield made
     made.stop()
 

@@ -1,0 +1,138 @@
+"""How nodes are connected: qualities of service, what arrives, and words for what does not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+
+EVENT_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+)
+"""As the drivers send: a reliable subscriber would get nothing from them."""
+
+FRAME_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+)
+"""For frames, images and boxes: few and each of them matters."""
+
+SILENCE_S = 2.0
+"""Without a message for longer (s), a node that wants some says so."""
+
+
+@dataclass(slots=True)
+class Arrivals:
+    """What has come on a topic.
+
+    Attributes:
+        messages: how many.
+        last_s: when the last one came (s, monotonic).
+    """
+
+    messages: int = 0
+    last_s: float = field(default_factory=time.monotonic)
+
+    def note(self) -> float:
+        """A message has come; returns when (s, monotonic)."""
+        self.messages += 1
+        self.last_s = time.monotonic()
+        return self.last_s
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """One thing that a node needs from others.
+
+    Attributes:
+        topic: resolved name.
+        type_names: the types of messages that are taken.
+        qos: in words.
+        provider: which executable or driver brings it.
+        arrivals: of its messages.
+        wanted: whether the node reads it now.
+    """
+
+    topic: str
+    type_names: frozenset[str]
+    qos: str
+    provider: str
+    arrivals: Arrivals
+    wanted: Callable[[], bool]
+
+    def missing(self, node: Node) -> str | None:
+        """Why nothing comes, and the cure, in a sentence; None where it comes or is not wanted."""
+        arrivals = self.arrivals
+        if not self.wanted() or (arrivals.messages and time.monotonic() - arrivals.last_s < SILENCE_S):
+            return None
+        publishers = node.get_publishers_info_by_topic(self.topic)
+        what = f"{self.topic} ({_any_of(self.type_names)}, {self.qos})"
+        if not publishers:
+            return f"waiting for {what}: nobody publishes it; {self.provider}"
+        types = {info.topic_type for info in publishers}
+        if not types & self.type_names:
+            return (
+                f"{self.topic} carries {_any_of(types)}, which is not {_any_of(self.type_names)}: remap this node's "
+                f"topic to the right one; {self.provider}"
+            )
+        since = "any more" if arrivals.messages else "yet"
+        return f"waiting for {what}: {len(publishers)} publisher(s) of {_any_of(types)}, no message {since}"
+
+
+def reader_callbacks(node: Node, topic: str, qos: QoSProfile) -> SubscriptionEventCallbacks:
+    """Says in one line why a publisher's messages do not arrive, and the cure."""
+
+    def mismatch(event: object) -> None:
+        policy = _policy_name(event)
+        node.get_logger().warning(
+            f"{topic}: a publisher offers another {policy} than this node reads ({_in_words(qos)}), so nothing arrives "
+            f"from it: start it with {_in_words(qos)}, or remap this node to a topic that has it"
+        )
+
+    def other_type(_: object) -> None:
+        found = sorted({info.topic_type for info in node.get_publishers_info_by_topic(topic)})
+        node.get_logger().warning(
+            f"{topic}: a publisher sends another type of message ({', '.join(found)}): remap one of the two"
+        )
+
+    return SubscriptionEventCallbacks(incompatible_qos=mismatch, incompatible_type=other_type)
+
+
+def writer_callbacks(node: Node, topic: str, qos: QoSProfile) -> PublisherEventCallbacks:
+    """Says in one line why a subscriber gets nothing, and the cure."""
+
+    def mismatch(event: object) -> None:
+        policy = _policy_name(event)
+        node.get_logger().warning(
+            f"{topic}: a subscriber asks for another {policy} than this node offers ({_in_words(qos)}), so it gets "
+            f"nothing: have it subscribe with {_in_words(qos)}"
+        )
+
+    def other_type(_: object) -> None:
+        found = sorted({info.topic_type for info in node.get_subscriptions_info_by_topic(topic)})
+        node.get_logger().warning(
+            f"{topic}: a subscriber expects another type of message ({', '.join(found)}): remap one of the two"
+        )
+
+    return PublisherEventCallbacks(incompatible_qos=mismatch, incompatible_type=other_type)
+
+
+def _policy_name(event: object) -> str:
+    return str(qos_policy_name_from_kind(event.last_policy_kind)).lower()  # type: ignore[attr-defined]
+
+
+def _in_words(qos: QoSProfile) -> str:
+    return f"{qos.reliability.name}, {qos.durability.name}".lower().replace("_", " ")
+
+
+def _any_of(type_names: set[str] | frozenset[str]) -> str:
+    return " or ".join(sorted(type_names))

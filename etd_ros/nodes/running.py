@@ -1,0 +1,70 @@
+"""A node's process: ROS started, the node spun until it is told to leave, a quiet end."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from etd_ros.errors import EtdError
+from etd_ros.nodes.base import EtdNode
+
+THREAD_SWITCH_S = 0.0005
+"""How long a thread may hold the others up (s): Python's 5 ms would be most of a box's latency."""
+
+
+class RosError(EtdError):
+    """ROS refuses to start."""
+
+
+def start_ros(arguments: list[str] | None) -> None:
+    """Start ROS; what stands after --ros-args is checked here.
+
+    Raises:
+        RosError: an argument that ROS does not understand, such as a parameter file that is missing.
+    """
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
+    # rclpy's own errors for this have no public name; all of them derive from RuntimeError.
+    except RuntimeError as err:
+        raise ros_error(err) from err
+
+
+def ros_error(err: RuntimeError) -> RosError:
+    """What rclpy says of the arguments, without the places in its sources."""
+    return RosError(f"ROS does not start: {str(err).partition(', at /')[0]}: mend what stands after --ros-args")
+
+
+def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
+    """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
+    node = None
+    sys.setswitchinterval(THREAD_SWITCH_S)
+    try:
+        start_ros(arguments)
+        node = make()
+        node.start()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin_until_future_complete(node.finished)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:
+        print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
+        return 2
+    # Signals end the context at any moment; then whatever the node is in the middle of fails, each call in its own way.
+    except Exception as err:
+        if rclpy.ok():
+            raise
+        get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
+        return 0
+    finally:
+        if node is not None:
+            node.stop()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
