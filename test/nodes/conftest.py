@@ -10,12 +10,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from etd_ros.nodes.connections import EVENT_QOS
@@ -92,6 +97,27 @@ class Bench:
                 pytest.fail(f"waited in vain until {what}\n{self.diagnostics}\n{logs}")
             self._executor.spin_once(timeout_sec=0.05)
 
+    def call(self, kind: type, service: str, request: object) -> Any:
+        """The response of a service."""
+        client = self.node.create_client(kind, service)
+        self.wait_until(client.service_is_ready, f"{service} is there")
+        future = client.call_async(request)
+        self.wait_until(future.done, f"{service} answers")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def change_state(self, node: str, *transitions: str) -> bool:
+        """Drive a node through its life cycle; whether every transition succeeded."""
+        requests = [ChangeState.Request(transition=Transition(label=label)) for label in transitions]
+        return all(self.call(ChangeState, f"/{node}/change_state", request).success for request in requests)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> tuple[bool, str]:
+        """Whether a parameter was set, and else why not."""
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        (result,) = self.call(SetParameters, f"/{node}/set_parameters", request).results
+        return result.successful, result.reason
+
     def figure(self, node: str, key: str) -> str:
         """A value of a node's diagnostics, empty while there is none."""
         return self.diagnostics.get(node, {}).get(key, "")
@@ -120,7 +146,11 @@ class Bench:
 
     def _take_diagnostics(self, message: bytes) -> None:
         for status in decode_diagnostics(message).statuses:
-            self.diagnostics[status.name] = {"message": status.message, **dict(status.values)}
+            self.diagnostics[status.name] = {
+                "level": status.level.name,
+                "message": status.message,
+                **dict(status.values),
+            }
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ def hold(worker):
 
 def run_all(worker):
     done = threading.Event()
-    worker.submit(lambda _: done.set(), b"")
+    worker.submit_request(lambda _: done.set())
     done.wait()
 
 
@@ -56,6 +56,32 @@ def test_beyond_its_bound_the_oldest_messages_are_dropped_and_counted(worker):
     run_all(worker)
     assert [message[0] for message in seen] == [3, 4]
     assert (worker.counters.dropped_messages, worker.counters.dropped_bytes) == (3, 120)
+
+
+def test_data_that_has_waited_too_long_is_dropped_but_for_the_newest_and_requests_are_not(errors):
+    worker = Worker("test", 1000, 0.0, errors.append)
+    seen = []
+    go_on = hold(worker)
+    for number in range(3):
+        worker.submit(seen.append, bytes([number]))
+    worker.submit_request(seen.append, b"request")
+    worker.submit(seen.append, b"newest")
+    go_on.set()
+    run_all(worker)
+    worker.stop()
+    assert seen == [b"request", b"newest"]
+    assert worker.counters.dropped_messages == 3
+
+
+def test_data_is_dropped_before_requests(worker):
+    seen = []
+    go_on = hold(worker)
+    worker.submit_request(seen.append, bytes(60))
+    for number in range(3):
+        worker.submit(seen.append, bytes([number]) * 40)
+    go_on.set()
+    run_all(worker)
+    assert [len(message) for message in seen] == [60, 40]
 
 
 def test_one_message_above_the_bound_is_still_handled(worker):

@@ -1,0 +1,86 @@
+"""Nodes are configured, activated, deactivated and cleaned up by whoever manages them, or by themselves."""
+
+import pytest
+from conftest import Bench
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.nodes.connections import FRAME_QOS
+from msg_adapters import decode_detections
+
+EVENTS = "/event_camera/events"
+REMAP = ("-r", f"~/events:={EVENTS}")
+BY_HAND = ("-p", "autostart:=false")
+
+
+def phase(bench: Bench, node: str) -> str:
+    return bench.figure(node, "life cycle")
+
+
+@pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker", "pipeline"])
+def test_a_node_goes_through_its_life_cycle_and_back_and_ends(bench, name):
+    process = bench.start(name, ros=BY_HAND)
+    bench.wait_until(lambda: phase(bench, name) == "unconfigured", "the node is there")
+    assert bench.figure(name, "level") == "STALE"
+    for _ in range(2):
+        assert bench.change_state(name, "configure", "activate")
+        bench.wait_until(lambda: phase(bench, name) == "active", "it is active")
+        assert bench.change_state(name, "deactivate", "activate", "deactivate", "cleanup")
+        bench.wait_until(lambda: phase(bench, name) == "unconfigured", "it is as at the start")
+    assert bench.change_state(name, "configure")
+    assert bench.change_state(name, "shutdown")
+    assert process.wait(timeout=60) == 0
+    assert "Traceback" not in bench.log(name)
+
+
+def test_a_node_serves_its_topics_only_while_it_is_active(bench):
+    bench.start("pipeline", ros=BY_HAND)
+    targets = bench.node.create_publisher(Detection2DArray, "/pipeline/targets", FRAME_QOS)
+    bench.wait_until(lambda: phase(bench, "pipeline") == "unconfigured", "the node is there")
+    assert targets.get_subscription_count() == 0
+    assert bench.change_state("pipeline", "configure", "activate")
+    bench.wait_until(lambda: targets.get_subscription_count() == 1, "targets are taken")
+    assert bench.change_state("pipeline", "deactivate")
+    bench.wait_until(lambda: targets.get_subscription_count() == 0, "targets are not taken any more")
+    assert bench.node.count_publishers("/pipeline/detections") == 1
+    assert bench.change_state("pipeline", "cleanup")
+    bench.wait_until(lambda: bench.node.count_publishers("/pipeline/detections") == 0, "its publishers are gone")
+
+
+def test_wrong_parameters_are_refused_when_it_is_configured_and_may_be_mended(bench, tmp_path):
+    bench.start("tracker", ros=(*BY_HAND, "-p", f"targets_file:={tmp_path / 'nowhere.csv'}"))
+    bench.wait_until(lambda: phase(bench, "tracker") == "unconfigured", "the node is there")
+    assert not bench.change_state("tracker", "configure")
+    assert "nowhere.csv" in bench.log("tracker")
+    assert bench.set_parameter("tracker", "targets_file", "") == (True, "")
+    assert bench.change_state("tracker", "configure", "activate")
+
+
+def test_targets_are_kept_over_a_pause(bench, repository):
+    boxes: list[set[str]] = []
+    bench.listen(
+        "/pipeline/detections",
+        Detection2DArray,
+        lambda message: boxes.append({found.id for found in decode_detections(message).detections}),
+    )
+    truth = repository / "bags" / "demo" / "boxes.csv"
+    bench.start("pipeline", ros=(*REMAP, "-p", f"targets_file:={truth}"))
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    bench.wait_until(lambda: {"ball", "drum"} in boxes or {"ball", "drum", "tin"} in boxes, "there are boxes")
+    assert bench.change_state("pipeline", "deactivate")
+    boxes.clear()
+    assert bench.change_state("pipeline", "activate")
+    bench.wait_until(lambda: any({"ball", "drum"} <= found for found in boxes), "the same targets have boxes again")
+    assert bench.figure("pipeline", "errors") == "0"
+
+
+def test_frames_come_again_after_a_pause(bench, repository):
+    bench.listen("/accumulator/frames", Image)
+    bench.start("accumulator", ros=REMAP)
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    frames = bench.messages["/accumulator/frames"]
+    bench.wait_until(lambda: len(frames) > 20, "frames come")
+    assert bench.change_state("accumulator", "deactivate")
+    frames.clear()
+    assert bench.change_state("accumulator", "activate")
+    bench.wait_until(lambda: len(frames) > 20, "frames come again")

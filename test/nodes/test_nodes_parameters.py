@@ -1,0 +1,55 @@
+"""Parameters change while the nodes run where that makes sense, and are refused with a reason where not."""
+
+import pytest
+from sensor_msgs.msg import Image
+
+from msg_adapters import decode_image
+
+EVENTS = "/event_camera/events"
+REMAP = ("-r", f"~/events:={EVENTS}")
+
+
+def test_the_length_of_frames_changes_while_they_come(bench, repository):
+    stamps: list[int] = []
+    bench.listen("/accumulator/frames", Image, lambda message: stamps.append(decode_image(message).stamp_ns))
+    bench.start("accumulator", ros=(*REMAP, "-p", "conversion:=fixed_window"))
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    bench.wait_until(lambda: len(stamps) > 20, "frames come")
+    assert stamps[11] - stamps[10] == 9_000_000
+    assert bench.set_parameter("accumulator", "fixed_window.window_s", 0.02) == (True, "")
+    stamps.clear()
+    bench.wait_until(lambda: len(stamps) > 20, "frames go on")
+    assert stamps[20] - stamps[19] == 20_000_000
+
+
+REFUSED = {
+    "accumulator": [
+        ("conversion", "fixed_window", "deactivate"),
+        ("atsltd.entropy_region", "targets", "deactivate"),
+        ("atsltd.nzge_interval", [0.5, 0.1], "alpha <= beta"),
+        ("atsltd.max_duration_s", -1.0, "max_duration_s"),
+        ("queue_s", "long", "DOUBLE"),
+    ],
+    "pipeline": [("method", "etd", "deactivate"), ("targets", "ball:1,2,3,4", "deactivate")],
+    "tracker": [("memory_file", "/tmp/memory.csv", "deactivate")],
+}
+
+
+@pytest.mark.parametrize("node", REFUSED)
+def test_what_cannot_change_is_refused_with_a_reason(bench, node):
+    bench.start(node)
+    bench.wait_until(lambda: bench.figure(node, "life cycle") == "active", "the node runs")
+    for name, value, reason in REFUSED[node]:
+        succeeded, why = bench.set_parameter(node, name, value)
+        assert not succeeded
+        assert reason in why
+
+
+def test_the_values_that_it_has_already_may_be_set_again_and_others_later(bench):
+    bench.start("tracker")
+    bench.wait_until(lambda: bench.figure("tracker", "life cycle") == "active", "the node runs")
+    assert bench.set_parameter("tracker", "method", "etd-plus") == (True, "")
+    assert bench.set_parameter("tracker", "queue_mib", 2.0) == (True, "")
+    assert bench.set_parameter("tracker", "queue_s", 0.5) == (True, "")
+    assert bench.set_parameter("tracker", "tracking.failure_iou", 0.4) == (True, "")
+    bench.wait_until(lambda: "tracking.failure_iou: holds" in bench.log("tracker"), "it says when that holds")
