@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -36,8 +36,9 @@ DOMAIN_ID_MAX = 100
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 RESULTS = ("bag", "logs", "tracks.csv", "overlay.mp4")
-PATIENCE = {"queue_mib": 1024.0, "image_wait_s": 30.0}
-"""The tracker's parameters: on a busy machine boxes may be late, but the score is to show the method only."""
+PATIENCE = {"queue_mib": 1024.0, "queue_s": 60.0}
+TRACKER_PATIENCE = {**PATIENCE, "image_wait_s": 30.0}
+"""Parameters of the nodes: on a busy machine boxes may be late, but the score is to show the method only."""
 
 
 class DemoError(EtdError):
@@ -156,12 +157,16 @@ def _write_results(output: Path) -> None:
 
 
 def _start_nodes(processes: Processes, truth: Path) -> None:
-    events = ["-r", f"~/events:={EVENTS}", "-p", "use_sim_time:=true"]
-    processes.start("accumulator", ["--ros-args", *events])
-    processes.start("reconstruction", ["--ros-args", *events])
-    parameters = {"targets_file": truth.resolve(), "use_sim_time": "true", **PATIENCE}
-    assignments = [f"{name}:={value}" for name, value in parameters.items()]
-    processes.start("tracker", ["--ros-args", *(word for assignment in assignments for word in ("-p", assignment))])
+    remap = ["-r", f"~/events:={EVENTS}"]
+    processes.start("accumulator", ["--ros-args", *remap, *_set(PATIENCE)])
+    processes.start("reconstruction", ["--ros-args", *remap, *_set(PATIENCE)])
+    processes.start("tracker", ["--ros-args", *_set({"targets_file": truth.resolve(), **TRACKER_PATIENCE})])
+
+
+def _set(parameters: Mapping[str, object]) -> list[str]:
+    """Arguments that set a node's parameters; all follow the recording's clock."""
+    assignments = [f"{name}:={value}" for name, value in {"use_sim_time": "true", **parameters}.items()]
+    return [word for assignment in assignments for word in ("-p", assignment)]
 
 
 def _ready(monitor: Monitor) -> bool:
