@@ -46,6 +46,8 @@ SPEED_S = 0.1
 """The usual speed is an average over this time."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
+UNSEEN_S = 0.1
+"""No frame for so long is a gap, over which motion is not believed."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
 REMEMBER_NS = 50_000_000
@@ -84,6 +86,7 @@ class ContourTarget:
         self._held: Box | None
         self._sure: Standing | None
         self._search: ContourSearch
+        self._updated_ns: int
         self._wait_for_start()
 
     @property
@@ -110,6 +113,8 @@ class ContourTarget:
             self._state = TargetState.TRACKING
             self._contours.stamp_ns = self.start_stamp_ns or stamp_ns
             self._start_up = StartUp(self._contours)
+            self._updated_ns = stamp_ns
+        self._check_sight(stamp_ns)
         due = self._contours.take(self._surface)
         if self._state is not TargetState.TRACKING:
             self._look_for_it(stamp_ns, image)
@@ -129,7 +134,7 @@ class ContourTarget:
         if self.start_stamp_ns > 0:
             self._wait_for_start()
             return
-        self._contours.stamp_ns = stamp_ns
+        self._contours.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
         self._searched_at_ns = self._remembered_at_ns = stamp_ns
         self._sure = None
@@ -145,7 +150,7 @@ class ContourTarget:
         self._usual = UsualLooks()
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
-        self._searched_at_ns = 0
+        self._searched_at_ns = self._updated_ns = 0
         self._remembered_at_ns = -REMEMBER_NS
         self._answer = None
         self._before = Standing.of(self._contours)
@@ -153,6 +158,16 @@ class ContourTarget:
         self._settling = 0
         self._held = None
         self._sure = None
+
+    def _check_sight(self, stamp_ns: int) -> None:
+        """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
+        before_ns, self._updated_ns = self._updated_ns, stamp_ns
+        unseen_s = (stamp_ns - before_ns) * 1e-9
+        is_followed = self._state is TargetState.TRACKING and self._start_up is None
+        moved_px = self._contours.speed_px_s * unseen_s
+        if is_followed and unseen_s > UNSEEN_S and moved_px > self._contour_config.search_radius:
+            self._failing_s = 0.0
+            self._fail(stamp_ns, before_ns)
 
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
@@ -251,8 +266,9 @@ class ContourTarget:
         )
         return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
-    def _fail(self, stamp_ns: int) -> None:
-        """Go on from before the looks that failed, as they may have followed something else."""
+    def _fail(self, stamp_ns: int, since_ns: int | None = None) -> None:
+        """Go on from before the looks that failed, as they may have followed something else; the target has not been
+        seen since `since_ns` (ns), by default until now."""
         contours = self._contours
         is_off = not self._surface.holds(*contours.pose[:2])
         self._state = TargetState.LOST if is_off else TargetState.RECOVERING
@@ -262,7 +278,7 @@ class ContourTarget:
         contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
         self._leaving_velocity = self._before.velocity
         self._searched_at_ns = stamp_ns
-        self._search_from(stamp_ns, has_left=is_off or self._is_leaving())
+        self._search_from(stamp_ns if since_ns is None else since_ns, has_left=is_off or self._is_leaving())
 
     def _search_from(self, stamp_ns: int, *, has_left: bool) -> None:
         self._search = ContourSearch(
