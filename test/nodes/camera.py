@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +52,7 @@ def shots_of(recording: Path) -> list[Shot]:
     everything = Events(t, x, y, p, parts[0].width, parts[0].height)
     edges = np.arange(t[0], t[-1], MESSAGE_NS)
     bounds = [*np.searchsorted(t, edges), len(t)]
-    chunks = [everything[first:last] for first, last in zip(bounds, bounds[1:], strict=False) if last > first]
+    chunks = [everything[first:last] for first, last in itertools.pairwise(bounds) if last > first]
     return [Shot(events, seq) for seq, events in enumerate(chunks)]
 
 
