@@ -261,6 +261,11 @@ class EtdNode(LifecycleNode):
         """Let everything go; the node can be destroyed then."""
         self._let_go()
 
+    def destroy_node(self) -> None:
+        """Let go of the node, and of the state machine, which would keep it and its shared memory."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def _pass(self, phase: Phase, work: Callable[[], None]) -> TransitionCallbackReturn:
         try:
             work()
@@ -331,6 +336,8 @@ class EtdNode(LifecycleNode):
             (self.services, self.destroy_service),
             (self.publishers, self.destroy_publisher),
         )
+        if not self.context.ok():
+            return  # the node is destroyed as a whole then
         for entities, end in destroy:
             for entity in set(entities) - kept:
                 end(entity)

@@ -195,7 +195,7 @@ class EventInput:
         self._node.get_logger().info(f"reading {type_name} from {self._topic}")
 
     def _unsubscribe(self) -> None:
-        if self._subscription is not None:
+        if self._subscription is not None and self._node.context.ok():
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
             self._node.get_logger().info(f"not reading {self._type_name} from {self._topic} any more")

@@ -42,7 +42,7 @@ def ros_error(err: RuntimeError) -> RosError:
 
 def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
-    node = None
+    node = executor = None
     sys.setswitchinterval(THREAD_SWITCH_S)
     try:
         start_ros(arguments)
@@ -63,6 +63,9 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
         return 0
     finally:
+        # It holds on to what it waits for, and with that to shared memory.
+        if executor is not None:
+            executor.shutdown()
         if node is not None:
             node.stop()
             node.destroy_node()
