@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 
 from etd_ros.benchmarking.live_bench import NODE, LiveBench, own_place
 from etd_ros.events import Events
-from etd_ros.nodes.base import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS
 from etd_ros.recordings import open_recording
 from etd_ros.targets import TargetStart, targets_from_file
 from msg_adapters import Detection, decode_detections, encode_event_packet
