@@ -3,16 +3,19 @@
 from etd_ros.benchmarking.event_path import FULL, QUICK, Effort, event_path
 from etd_ros.benchmarking.live import live, missing_ros
 from etd_ros.benchmarking.peers import missing_packages
-from etd_ros.benchmarking.report import Row, as_json, check_writable, table, write
+from etd_ros.benchmarking.report import COMPARED, LIVE, Report, Row, as_json, check_writable, table, write
 from etd_ros.benchmarking.scaling import scaling, scaling_png
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.benchmarking.tracker import tracker
 
 __all__ = [
+    "COMPARED",
     "FULL",
+    "LIVE",
     "QUICK",
     "BenchmarkError",
     "Effort",
+    "Report",
     "Row",
     "as_json",
     "check_writable",

@@ -17,8 +17,9 @@ from etd_ros.benchmarking.peers import PACKAGES
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.output_files import write_beside
 
-JSON_NAME, README_NAME = "last.json", "README.md"
+README_NAME = "README.md"
 TABLE_START, TABLE_END = "<!-- table: written by the benchmark -->", "<!-- end of table -->"
+LIVE_START, LIVE_END = "<!-- live table: written by the benchmark -->", "<!-- end of live table -->"
 PACKAGES_USED = ("numpy", "numba", "opencv-contrib-python-headless", *PACKAGES.values())
 
 HEADINGS = ("what", "sensor", "stream", "ours", "unit", "peer", "peer's", "ratio", "spread", "frames/s", "ev/frame")
@@ -56,6 +57,27 @@ class Row:
     events_per_frame: float | None = None
 
 
+@dataclass(frozen=True)
+class Report:
+    """Where figures are written in a folder: those of some groups are replaced without those of the others.
+
+    Attributes:
+        json_name: file of the JSON object.
+        start, end: lines in README.md between which the table stands.
+    """
+
+    json_name: str
+    start: str
+    end: str
+
+
+COMPARED = Report("last.json", TABLE_START, TABLE_END)
+"""Of the parts, beside other packages."""
+
+LIVE = Report("live.json", LIVE_START, LIVE_END)
+"""Of the live node, which is measured in an environment with ROS."""
+
+
 def table(rows: Sequence[Row]) -> Table:
     """The rows for a terminal."""
     shown = Table(title="figures")
@@ -80,35 +102,37 @@ def as_json(rows: Sequence[Row]) -> str:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table, after a line on what they were measured with."""
+    """The rows as a Markdown table, after a line on what they were measured with; without columns that none fills."""
     facts = machine()
     versions = ", ".join(f"{name} {version}" for name, version in facts["packages"].items())
+    columns = [column for column in zip(HEADINGS, *map(_cells, rows), strict=True) if any(column[1:])]
+    headings, *cells = zip(*columns, strict=True)
     lines = [f"{facts['processor']}, {facts['cores']} cores, Python {facts['python']}; {versions}.", ""]
-    lines += ["| " + " | ".join(HEADINGS) + " |"]
-    lines += ["|" + "|".join("-" if heading in LEFT_ALIGNED else "-:" for heading in HEADINGS) + "|"]
-    lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
+    lines += ["| " + " | ".join(headings) + " |"]
+    lines += ["|" + "|".join("-" if heading in LEFT_ALIGNED else "-:" for heading in headings) + "|"]
+    lines += ["| " + " | ".join(row) + " |" for row in cells]
     return "\n".join(lines) + "\n"
 
 
-def check_writable(folder: Path) -> None:
+def check_writable(folder: Path, report: Report) -> None:
     """Refuse a folder that `write` would fail on.
 
     Raises:
         BenchmarkError: README.md is missing or lacks the marks.
     """
-    _readme_parts(folder)
+    _readme_parts(folder, report)
 
 
-def write(folder: Path, rows: Sequence[Row]) -> None:
-    """Replace `last.json` in the folder, and the table between the marks of its README.md.
+def write(folder: Path, report: Report, rows: Sequence[Row]) -> None:
+    """Replace the report's JSON in the folder, and the table between its marks in README.md.
 
     Raises:
         BenchmarkError: README.md is missing or lacks the marks.
         OutputError: the folder cannot be written.
     """
-    before, after = _readme_parts(folder)
-    write_beside(folder / README_NAME, f"{before}{TABLE_START}\n{markdown(rows)}{TABLE_END}{after}")
-    write_beside(folder / JSON_NAME, as_json(rows))
+    before, after = _readme_parts(folder, report)
+    write_beside(folder / README_NAME, f"{before}{report.start}\n{markdown(rows)}{report.end}{after}")
+    write_beside(folder / report.json_name, as_json(rows))
 
 
 def machine() -> dict[str, Any]:
@@ -121,7 +145,7 @@ def machine() -> dict[str, Any]:
     }
 
 
-def _readme_parts(folder: Path) -> tuple[str, str]:
+def _readme_parts(folder: Path, report: Report) -> tuple[str, str]:
     """What stands before and after the marks of the table."""
     readme = folder / README_NAME
     try:
@@ -129,10 +153,10 @@ def _readme_parts(folder: Path) -> tuple[str, str]:
     except (OSError, UnicodeDecodeError) as err:
         msg = f"{readme}: cannot be read ({err}): name the folder whose {README_NAME} shall hold the table"
         raise BenchmarkError(msg) from err
-    before, start, rest = text.partition(TABLE_START)
-    _, end, after = rest.partition(TABLE_END)
+    before, start, rest = text.partition(report.start)
+    _, end, after = rest.partition(report.end)
     if not (start and end):
-        msg = f"{readme}: lacks the lines {TABLE_START} and {TABLE_END}: put them where the table shall be"
+        msg = f"{readme}: lacks the lines {report.start} and {report.end}: put them where the table shall be"
         raise BenchmarkError(msg)
     return before, after
 

@@ -13,10 +13,13 @@ from typing import TypeVar
 from rich.console import Console
 
 from etd_ros.benchmarking import (
+    COMPARED,
     FULL,
+    LIVE,
     QUICK,
     BenchmarkError,
     Effort,
+    Report,
     Row,
     as_json,
     check_writable,
@@ -40,6 +43,7 @@ GROUPS: dict[str, Callable[[Effort, Path | None], Iterator[Row]]] = {
     "tracker": tracker,
     "live": live,
 }
+REPORTS: dict[str, Report] = {"event-path": COMPARED, "tracker": COMPARED, "live": LIVE}
 DATA_VARIABLE = "ETD_DATA"
 DATA_DEFAULT = Path("../shared/data")
 TABLE_WIDTH_MIN = 165
@@ -60,7 +64,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         help=f"folder of real recordings (default: ${DATA_VARIABLE}, else {DATA_DEFAULT} if there)",
     )
     parser.add_argument(
-        "--write", type=Path, metavar="FOLDER", help="also write last.json there and the table in its README.md"
+        "--write", type=Path, metavar="FOLDER", help="also write the figures there as JSON and in its README.md"
     )
     parser.add_argument(
         "--scaling", type=Path, metavar="FILE", help="draw speed against rate, sensor, texture, messages instead"
@@ -85,20 +89,27 @@ def run(options: argparse.Namespace) -> int:
             raise BenchmarkError(msg)
         _draw_scaling(options.scaling, effort)
         return 0
+    groups = list(dict.fromkeys(options.groups or all_groups()))
+    reports = list(dict.fromkeys(REPORTS[group] for group in groups))
     if options.write is not None:
-        check_writable(options.write)
+        for report in reports:
+            check_writable(options.write, report)
     data = _data(options.data)
-    measured = chain.from_iterable(GROUPS[group](effort, data) for group in options.groups or all_groups())
-    rows = list(_shown(measured, lambda row: f"{row.what}, {row.sensor}, {row.stream}"))
+    measured: dict[Report, list[Row]] = {report: [] for report in reports}
+    for group in groups:
+        results = _shown(GROUPS[group](effort, data), lambda row: f"{row.what}, {row.sensor}, {row.stream}")
+        measured[REPORTS[group]].extend(results)
     if options.write is not None:
-        write(options.write, rows)
+        for report in reports:
+            write(options.write, report, measured[report])
+    rows = list(chain.from_iterable(measured.values()))
     if options.json:
         sys.stdout.write(as_json(rows))
     else:
         width = max(Console().width, TABLE_WIDTH_MIN)
         Console(width=width).print(table(rows))
     missing = missing_packages()
-    if missing and options.groups != ["live"]:
+    if missing and COMPARED in reports:
         print(f"not installed, so not compared: {', '.join(missing)}; get them with: make bench", file=sys.stderr)
     return 0
 

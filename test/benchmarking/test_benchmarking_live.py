@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 
+from etd_ros.benchmarking import report
 from etd_ros.benchmarking.live_bench import Outcome
 from etd_ros.benchmarking.live_figures import keeps_up
 
@@ -60,9 +61,18 @@ def test_a_rate_is_sustained_without_losses_with_boxes_that_are_right_and_come_i
 
 
 @pytest.fixture(scope="module")
-def rows(repository):
+def folder(tmp_path_factory):
+    """Where a short run writes its figures beside others."""
+    path = tmp_path_factory.mktemp("benchmarks")
+    tables = f"{report.TABLE_START}\nothers\n{report.TABLE_END}\n\n{report.LIVE_START}\nold\n{report.LIVE_END}\n"
+    (path / "README.md").write_text(tables)
+    return path
+
+
+@pytest.fixture(scope="module")
+def rows(repository, folder):
     """Those of a short run."""
-    command = [sys.executable, "-m", "etd_ros", "benchmark", "live", "--quick", "--json"]
+    command = [sys.executable, "-m", "etd_ros", "benchmark", "live", "--quick", "--json", "--write", str(folder)]
     done = subprocess.run(command, cwd=repository, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)["rows"]
@@ -78,6 +88,17 @@ def test_every_figure_is_measured(rows):
         "1 Mev/s, 250 msg/s, nobody subscribed",
     ]
     assert len(set(measured)) == len(measured)
+
+
+def test_the_figures_are_written_beside_those_of_other_groups(rows, folder):
+    assert json.loads((folder / "live.json").read_text())["rows"] == rows
+    lines = (folder / "README.md").read_text().splitlines()
+    assert lines[:4] == [report.TABLE_START, "others", report.TABLE_END, ""]
+    table = [line for line in lines if line.startswith("|")]
+    assert table[0].startswith("| what | sensor | stream | ours | unit |")
+    assert len(table) == 2 + len(rows)
+    assert "old" not in lines
+    assert sorted(path.name for path in folder.iterdir()) == ["README.md", "live.json"]
 
 
 def test_figures_are_possible_ones(rows):
