@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.events import Events, check_sensor_size
+from etd_ros.events import SENSOR_PIXELS_MAX, Events, check_sensor_size
 from etd_ros.recordings.interface import (
     FRAME_ID,
     RecordedImage,
@@ -28,6 +29,9 @@ LINE_BYTES_MIN = len("0 0 0 0\n")
 ENCODING = "text"
 FRACTION_DIGITS = 9
 SECONDS_MAX = 9_000_000_000
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+PNG_HEAD = struct.Struct(">8s8xII")
+"""Magic number, start of the first chunk, width, height."""
 
 
 class EcdRecording(Recording):
@@ -91,7 +95,10 @@ class EcdRecording(Recording):
 
     def _read_image(self, name: str) -> npt.NDArray[np.generic]:
         file = self._index.parent / name
-        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if file.is_file() else None
+        try:
+            image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if _is_readable_image(file) else None
+        except cv2.error:
+            image = None
         if image is None:
             msg = f"{file}: missing, or no image, though {self._index.name} lists it: copy it again"
             raise RecordingError(msg)
@@ -115,6 +122,18 @@ class EcdRecording(Recording):
             raise RecordingError(msg)
         if count:
             yield from file_packets(events, ENCODING)
+
+
+def _is_readable_image(file: Path) -> bool:
+    """Whether it is a file, and no PNG that claims more pixels than any sensor has: room for them is made at once."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as image:
+        head = image.read(PNG_HEAD.size)
+    if len(head) < PNG_HEAD.size:
+        return False
+    magic, width, height = PNG_HEAD.unpack(head)
+    return bool(magic != PNG_MAGIC or width * height <= SENSOR_PIXELS_MAX)
 
 
 def _size_line(line: bytes) -> tuple[int, int] | None:

@@ -89,9 +89,8 @@ class RosBagRecording(Recording):
         start_ns, end_ns = [], []
         for part in self._parts:
             with _translated(self.path, partial(_open_reader, part)) as reader:
-                for connection in reader.connections:
-                    key = (connection.topic, ros2_type_name(connection.msgtype))
-                    counts[key] = counts.get(key, 0) + connection.msgcount
+                for key, count in _translated(self.path, partial(_topics_of, reader)):
+                    counts[key] = counts.get(key, 0) + count
                 start_ns.append(reader.start_time)
                 end_ns.append(reader.end_time)
         duration_ns = max(0, max(end_ns) - min(start_ns) - 1)
@@ -106,16 +105,43 @@ class RosBagRecording(Recording):
                 if not wanted:
                     continue
                 stored = reader.messages(wanted)
-                while (item := _translated(self.path, partial(next, stored, None))) is not None:
-                    connection, receive_ns, data = item
-                    type_name = ros2_type_name(connection.msgtype)
-                    yield RecordedMessage(receive_ns, connection.topic, type_name, self._layout, bytes(data))
+                while (message := _translated(self.path, partial(_next_of, stored, self._layout))) is not None:
+                    yield message
 
 
 def _open_reader(part: Path) -> Any:
     reader = rosbag1.Reader(part) if part.suffix == ".bag" else rosbag2.Reader(part)
     reader.open()
     return _Opened(reader)
+
+
+def _topics_of(reader: Any) -> list[tuple[tuple[str, str], int]]:
+    """Each connection's topic and type, and its number of messages.
+
+    Raises:
+        TypeError: a name is no text, as a damaged database's may be.
+    """
+    found = []
+    for connection in reader.connections:
+        if not isinstance(connection.topic, str) or not isinstance(connection.msgtype, str):
+            msg = f"topic {connection.topic!r} of type {connection.msgtype!r} is no text"
+            raise TypeError(msg)
+        found.append(((connection.topic, ros2_type_name(connection.msgtype)), connection.msgcount))
+    return found
+
+
+def _next_of(stored: Iterator[Any], layout: Layout) -> RecordedMessage | None:
+    """The next message; None at the end.
+
+    Raises:
+        TypeError: its data are no bytes, as a damaged database's may be.
+    """
+    item = next(stored, None)
+    if item is None:
+        return None
+    connection, receive_ns, data = item
+    type_name = ros2_type_name(connection.msgtype)
+    return RecordedMessage(int(receive_ns), connection.topic, type_name, layout, bytes(memoryview(data)))
 
 
 class _Opened:
@@ -170,8 +196,8 @@ def _has_usable_metadata(path: Path) -> bool:
     try:
         metadata = yaml.safe_load((path / "metadata.yaml").read_text())
         return bool(metadata["rosbag2_bagfile_information"]["storage_identifier"])
-    except (FileNotFoundError, KeyError, TypeError, yaml.YAMLError, UnicodeDecodeError):
-        # A recorder that was killed leaves no metadata, or half of it; the storage files speak for themselves.
+    # A recorder that was killed leaves no metadata, or half of it; the storage files speak for themselves.
+    except (FileNotFoundError, LookupError, TypeError, ValueError, RecursionError, yaml.YAMLError):
         return False
 
 
@@ -197,7 +223,7 @@ def _check_sqlite_length(file: Path) -> None:
 
 
 def _natural_order(file: Path) -> list[tuple[int, str]]:
-    return [(int(piece or 0), "") if piece.isdigit() else (0, piece) for piece in re.split(r"(\d+)", file.name)]
+    return [(int(piece or 0), "") if piece.isdecimal() else (0, piece) for piece in re.split(r"(\d+)", file.name)]
 
 
 def _choose_events(path: Path, topics: dict[tuple[str, str], int], topic: str | None) -> tuple[str, str]:
