@@ -40,6 +40,10 @@ LEAD_NS = 300_000_000
 
 NS_PER_MS = 1_000_000
 MIB = 2**20
+PERCENTILES = (50, 99)
+OWN_WINDOW_S = 10.0
+"""How far back the node looks for its own percentiles."""
+
 READER_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
@@ -63,6 +67,7 @@ class Outcome:
         latency_ms: from publishing the message that holds a frame's end to receiving the frame's box, shape (n,).
         iou: of each box with the truth, 0 where the target had none, shape (n,).
         resident_mib: memory of the node now and then during the play, shape (m,).
+        own_latency_ms: by percentile, what the node says of its last ten seconds (ms), received to published.
     """
 
     published: int
@@ -73,6 +78,7 @@ class Outcome:
     latency_ms: Milliseconds
     iou: npt.NDArray[np.float64]
     resident_mib: npt.NDArray[np.float64]
+    own_latency_ms: dict[int, float]
 
     @property
     def is_lossless(self) -> bool:
@@ -314,6 +320,11 @@ class LiveBench:
             latency_ms=latency_ms,
             iou=iou,
             resident_mib=np.array(resident_mib),
+            own_latency_ms={
+                percent: float(text)
+                for percent in PERCENTILES
+                if (text := self._diagnostics.get(f"latency p{percent} ms"))
+            },
         )
 
     def latencies(self, played: Played) -> tuple[Seconds, Milliseconds]:

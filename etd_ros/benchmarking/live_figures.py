@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.benchmarking.live_bench import NODE, LiveBench, Outcome, rounded_start_ns
+from etd_ros.benchmarking.live_bench import NODE, OWN_WINDOW_S, PERCENTILES, LiveBench, Outcome, rounded_start_ns
 from etd_ros.benchmarking.live_load import NS_PER_S, Echo, LoadGenerator, Play
 from etd_ros.benchmarking.live_machine import MachineTime
 from etd_ros.benchmarking.live_scene import NS_PER_US, LiveScene
@@ -54,6 +54,7 @@ class LiveEffort:
         latency_s, probe_s, overload_s, idle_s: how long each play, or look, lasts.
         rates: of which the highest sustained one is sought (events/s), rising.
         starts: how often the node is started.
+        waits: whether the node's own latencies are to be of one play each.
     """
 
     sensors: tuple[tuple[int, int], ...]
@@ -63,10 +64,11 @@ class LiveEffort:
     idle_s: float
     rates: tuple[int, ...]
     starts: int
+    waits: bool
 
 
-FULL_LIVE = LiveEffort((DAVIS, VGA, HD), 5.0, 2.5, 4.0, 3.0, SUSTAINED_RATES, 3)
-QUICK_LIVE = LiveEffort((DAVIS,), 1.0, 1.5, 2.0, 1.5, (1 * MEV,), 1)
+FULL_LIVE = LiveEffort((DAVIS, VGA, HD), 5.0, 2.5, 4.0, 3.0, SUSTAINED_RATES, 3, waits=True)
+QUICK_LIVE = LiveEffort((DAVIS,), 1.0, 1.5, 2.0, 1.5, (1 * MEV,), 1, waits=False)
 
 
 def live_figures(bench: LiveBench, effort: LiveEffort) -> Iterator[Row]:
@@ -120,8 +122,13 @@ def _floor(bench: LiveBench, generator: LoadGenerator, effort: LiveEffort) -> It
 def _latency(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
     for messages_per_s in LATENCY_MESSAGES_PER_S:
         generator.prepare(LATENCY_RATE, messages_per_s)
+        if effort.waits:
+            # What the node says of itself is to be of this play alone.
+            bench.listen_for(OWN_WINDOW_S - RUN_IN_S - effort.latency_s)
         outcome = bench.run(generator, scene, RUN_IN_S + effort.latency_s)
         yield from _percentiles("latency", messages_per_s, outcome.after_s, outcome.latency_ms)
+        for percent, value in outcome.own_latency_ms.items():
+            yield _figure(f"latency_node_p{percent}", DAVIS, value, "ms", _told(LATENCY_RATE, messages_per_s))
         value = float(np.mean(outcome.iou[outcome.after_s >= RUN_IN_S]))
         yield _figure("latency_iou", DAVIS, value, "IoU", _told(LATENCY_RATE, messages_per_s))
 
@@ -129,7 +136,7 @@ def _latency(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effor
 def _percentiles(what: str, messages_per_s: int, after_s: Numbers, latency_ms: Numbers) -> Iterator[Row]:
     """Over all boxes after the run-in; the spread is that of the same percentile of each second."""
     seconds, latency_ms = after_s[after_s >= RUN_IN_S].astype(np.int64), latency_ms[after_s >= RUN_IN_S]
-    for percent in (50, 99):
+    for percent in PERCENTILES:
         each = [float(np.percentile(latency_ms[seconds == second], percent)) for second in np.unique(seconds)]
         value = float(np.percentile(latency_ms, percent))
         yield _figure(f"{what}_p{percent}", DAVIS, value, "ms", _told(LATENCY_RATE, messages_per_s), _spread(each))

@@ -14,7 +14,7 @@ from etd_ros.benchmarking import report
 from etd_ros.benchmarking.live_bench import Outcome
 from etd_ros.benchmarking.live_figures import keeps_up
 
-PERCENTILES = ("latency_floor_p50", "latency_floor_p99", "latency_p50", "latency_p99")
+PERCENTILES = tuple(f"latency{of}_p{percent}" for of in ("_floor", "", "_node") for percent in (50, 99))
 OVERLOAD = ("overload_offered", "overload_latency_p99", "overload_dropped", "overload_iou", "overload_growth")
 UNITS = {
     **dict.fromkeys(PERCENTILES, "ms"),
@@ -39,6 +39,7 @@ def outcome(**changes) -> Outcome:
         "latency_ms": np.full(101, 2.0),
         "iou": np.full(101, 0.9),
         "resident_mib": np.full(10, 300.0),
+        "own_latency_ms": {50: 1.5, 99: 1.9},
     }
     return Outcome(**{**right, **changes})
 
