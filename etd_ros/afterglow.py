@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,12 +45,13 @@ class Afterglow:
         Raises:
             IndexError: no frame has been taken.
         """
-        newest_ns, shown = self._frames[-1]
+        newest_ns, newest = self._frames[-1]
+        shown: Any = newest
         for stamp_ns, frame_data in list(self._frames)[:-1]:
             share = math.exp((stamp_ns - newest_ns) / FADE_NS)
             faded = np.round(np.arange(256) * share).astype(np.uint8)
-            shown = np.maximum(shown, cv2.LUT(frame_data, faded))
-        return shown
+            shown = cv2.max(shown, cv2.LUT(frame_data, faded))
+        return np.asarray(shown, np.uint8)
 
 
 class PictureRate:

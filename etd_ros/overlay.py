@@ -182,11 +182,19 @@ def _default_scale(width: int, panels: int) -> float:
 
 def colour_events(frame_data: npt.NDArray[np.uint8]) -> Picture:
     """A frame, uint8, shape (h, w, 2), as a picture of its size: On blue, Off red, fading as they decay."""
-    on, off = (frame_data[:, :, channel, None].astype(np.float32) / 255 for channel in (0, 1))
+    on, off = cv2.split(frame_data)
+    levels = cv2.merge([cv2.max(on, off)] * 3)
+    picture: Any = cv2.LUT(levels, _shades(ON))
     # Where both polarities fired, the later one shows.
-    colour = np.where(on >= off, np.asarray(ON, np.float32), np.asarray(OFF, np.float32))
-    strength = np.maximum(on, off)
-    return np.asarray(np.asarray(GROUND, np.float32) * (1 - strength) + colour * strength, np.uint8)
+    cv2.copyTo(cv2.LUT(levels, _shades(OFF)), cv2.compare(off, on, cv2.CMP_GT), picture)
+    return np.asarray(picture, np.uint8)
+
+
+def _shades(colour: Colour) -> Picture:
+    """From the ground's colour to this one, shape (1, 256, 3)."""
+    strength = np.linspace(0, 1, 256, dtype=np.float32)[:, None]
+    shades = np.asarray(GROUND, np.float32) * (1 - strength) + np.asarray(colour, np.float32) * strength
+    return shades.astype(np.uint8)[None]
 
 
 def _enlarge(panel: Picture, scale: float) -> Picture:

@@ -1,7 +1,7 @@
 """Tracking in the Rerun viewer: pictures, boxes, scores and changes of state on the time of the data.
 
-Boxes, scores and NZGE go there for every frame, but many frames at a time, and pictures 30 times a second: logging
-costs a little for each call, and fine frames come by the hundred.
+Boxes, scores and NZGE go there for every frame, but many frames at a time, and pictures at most 30 times a second:
+logging costs a little for each call, and fine frames come by the hundred.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from etd_ros.tracking import TargetReport, TargetState
 SPAWN = "spawn"
 APPLICATION = "etd_ros"
 TIMELINE = "stamp"
-PICTURES_PER_S = 30
+PICTURES_PER_S, PIXELS_PER_S = 30, 6e6
+"""At most; a large sensor has fewer pictures, because each takes a fortieth of a second of a core."""
 PNG_OPTIONS = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 JPEG_OPTIONS = (cv2.IMWRITE_JPEG_QUALITY, 90)
 RGB_COLOURS = {state: colour[::-1] for state, colour in STATE_COLOURS.items()}
@@ -159,6 +160,7 @@ class RerunLog:
         self._recording = recording
         self._drain = drain
         self._afterglow = Afterglow()
+        self._shape: tuple[int, ...] = ()
         self._rate = PictureRate(PICTURES_PER_S)
         self._rows: list[_Row] = []
         self._states: dict[str, TargetState] = {}
@@ -186,6 +188,9 @@ class RerunLog:
         self._afterglow.take(stamp_ns, frame_data)
         self._rows.append(_Row(stamp_ns, reports, nzge))
         self._log_changes(stamp_ns, reports)
+        if frame_data.shape != self._shape:
+            self._shape = frame_data.shape
+            self._rate = PictureRate(min(PICTURES_PER_S, PIXELS_PER_S / (frame_data.size / 2)))
         if self._rate.is_due(stamp_ns):
             self._log_picture(stamp_ns, image)
             self.flush()
