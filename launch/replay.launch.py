@@ -12,6 +12,7 @@ from launch import LaunchContext, LaunchDescription
 
 ARGUMENTS = {
     "rate": ("1.0", "1 is the recorded pace, 2 twice as fast"),
+    "loop": ("false", "start again at the end"),
     "camera": ("event_camera", "namespace of the recorded event topic"),
     "nodes": ("accumulator reconstruction tracker", "what to start; pipeline is all in one process"),
     "namespace": ("", "namespace of the nodes"),
@@ -30,7 +31,10 @@ def play(context: LaunchContext) -> list[Node]:
             package="etd_ros",
             executable="replay",
             output="screen",
-            arguments=[values["recording"], "--rate", values["rate"], "--clock", "--wait-for", str(waits_for)],
+            arguments=[
+                *(values["recording"], "--rate", values["rate"], "--clock", "--wait-for", str(waits_for)),
+                *(["--loop"] if values["loop"] == "true" else []),
+            ],
         )
     ]
 

@@ -244,6 +244,13 @@ def test_the_launched_nodes_fit_the_method(launched, method):
     assert made.node("replay")["arguments"][-2:] == ["--wait-for", "2" if method.recovers else "1"]
 
 
+def test_a_replay_loops_when_asked_to(launched):
+    once, again = (
+        launched("replay", recording="bag", loop=loop).node("replay")["arguments"] for loop in ("false", "true")
+    )
+    assert again == [*once, "--loop"]
+
+
 def test_a_replay_waits_for_the_pipeline_alone(launched):
     assert launched("replay", recording="bag", nodes="pipeline").node("replay")["arguments"][-1] == "1"
 
