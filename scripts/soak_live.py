@@ -189,7 +189,8 @@ def main() -> int:
         memory = figures["resident_mib"]
         print(
             f"{figures['loops']} loops, {figures['events'] / 1e6:.0f} M events in {figures['took_s']:.0f} s; "
-            f"{memory[1]:.1f} MiB after two loops, {memory[-1]:.1f} MiB at the end, {max(memory):.1f} MiB at most; "
+            f"{memory[1]:.1f} MiB after two loops, {memory[-1]:.1f} MiB at the end, in the second half "
+            f"{figures['mib_per_hour']:+.1f} MiB an hour; "
             f"losses {figures['losses']}; loops whose boxes differ: {figures['differing'] or 'none'}"
         )
     return 1 if figures["differing"] or any(figures["losses"].values()) else 0
@@ -233,12 +234,17 @@ def soak(recording: Path, boxes: Path, duration_s: float, times: str, *, tell: b
         bench.next_diagnostics()
         losses = {key: bench.figure(key) for key in ("dropped messages", "decode errors", "errors")}
         losses["not decoded"] = wanted * len(messages) - bench.figure("event messages")
+    took_s = time.monotonic() - started_s
+    memory = [loop["MiB"] for loop in loops]
+    later = memory[len(memory) // 2 :]
+    slope_mib = float(np.polyfit(np.arange(len(later)), later, 1)[0]) if len(later) > 1 else 0.0
     return {
         "loops": wanted,
         "events": wanted * sum(map(len, messages)),
-        "took_s": time.monotonic() - started_s,
+        "took_s": took_s,
         "boxes": loops[0]["boxes"],
-        "resident_mib": [loop["MiB"] for loop in loops],
+        "resident_mib": memory,
+        "mib_per_hour": slope_mib * wanted * 3600 / took_s,
         "latency_p50_ms": [loop["p50 ms"] for loop in loops],
         "latency_p99_ms": [loop["p99 ms"] for loop in loops],
         "losses": losses,
