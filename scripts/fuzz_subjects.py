@@ -54,8 +54,7 @@ WIDTH, HEIGHT, EVENTS, SPAN_NS = 64, 48, 40, 3_000_000
 START_NS = 1_700_000_000_000_000_000
 RECORDED_BYTES_MAX, RECORDED_MAX = 8192, 16
 EVT3_LOOP_NS = (1 << 24) * 1000
-EVENTS_PER_BYTE_MAX = 6
-"""The densest words are the masks of evt3: 12 events in 2 bytes."""
+EVENTS_PER_BYTE_MAX = 6  # a mask of evt3: 12 events in 2 bytes
 
 
 @dataclass(frozen=True)
