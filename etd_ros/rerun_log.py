@@ -76,6 +76,11 @@ def check_rerun(destination: str) -> None:
         check_outputs(Path(destination))
 
 
+def is_file(destination: str) -> bool:
+    """Whether it is a file that is logged to, not a viewer."""
+    return destination != SPAWN and "://" not in destination
+
+
 @contextmanager
 def rerun_log(destination: str) -> Iterator[RerunLog]:
     """A log to `destination`, as `check_rerun` describes it; a file gets its name when the block succeeds.
@@ -86,12 +91,9 @@ def rerun_log(destination: str) -> Iterator[RerunLog]:
     """
     check_rerun(destination)
     recording = _import_rerun().RecordingStream(APPLICATION)
-    if destination == SPAWN or "://" in destination:
-        with _viewer(recording, destination) as log:
-            yield log
-    else:
-        with _file(recording, Path(destination)) as log:
-            yield log
+    opened = _file(recording, Path(destination)) if is_file(destination) else _viewer(recording, destination)
+    with opened as log:
+        yield log
 
 
 @contextmanager
