@@ -1,0 +1,114 @@
+"""A node that is killed and started again finds its place among those that run on."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from camera import Camera, shots_of
+from conftest import Bench
+
+REMAP = ("-r", "~/events:=/event_camera/events")
+S_NS = 1_000_000_000
+FIRST_NS = 1_700_000_000 * S_NS
+TARGETS = "targets:=ball:64.866,34.762,40,40;drum:139.382,47.099,46,36"
+BEFORE, AFTER = slice(10, 120), slice(150, 280)
+"""Messages before a node is killed, and after it is back: 0.3 s of the recording are missed."""
+
+
+@pytest.fixture
+def truth(repository):
+    return repository / "bags" / "demo" / "boxes.csv"
+
+
+@pytest.fixture
+def shots(repository):
+    return shots_of(repository / "bags" / "demo")
+
+
+def three_nodes(bench: Bench, memory: Path) -> None:
+    for name in ("accumulator", "reconstruction"):
+        bench.start(name, ros=REMAP)
+    bench.start("tracker", ros=tracking(memory))
+    wait_until_linked(bench)
+
+
+def tracking(memory: Path) -> tuple[str, ...]:
+    return ("-p", TARGETS, "-p", f"memory_file:={memory}")
+
+
+def wait_until_linked(bench: Bench) -> None:
+    """Until frames go to reconstruction and tracker, and images to the tracker, as the nodes say themselves."""
+    bench.wait_until(
+        lambda: (
+            bench.figure("accumulator", "frame subscribers") == "2"
+            and bench.figure("reconstruction", "image subscribers") == "1"
+            and "waiting for /accumulator/frames" not in bench.figure("tracker", "message").partition("nobody")[1]
+            and bench.figure("tracker", "life cycle") == "active"
+        ),
+        "the nodes are linked",
+    )
+
+
+def kill_and_start(bench: Bench, name: str, *ros: str) -> None:
+    assert bench.end(name, signal.SIGKILL) == -signal.SIGKILL
+    bench.diagnostics.pop(name)
+    bench.start(name, ros=ros)
+
+
+def assert_right(camera: Camera, truth: Path) -> None:
+    for name in ("ball", "drum"):
+        assert camera.overlap(truth, name, FIRST_NS + 2 * S_NS, FIRST_NS + 27 * S_NS // 10) > 0.7, name
+
+
+@pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker"])
+def test_each_of_three_nodes_may_be_killed_and_the_targets_go_on(bench, shots, truth, tmp_path, name):
+    memory = tmp_path / "memory.csv"
+    three_nodes(bench, memory)
+    camera = Camera(bench, "/tracker/detections")
+    camera.wait_for_readers(2)
+    camera.play(shots[BEFORE])
+    bench.wait_until(lambda: memory.is_file() and memory.read_text().count("tracking") == 2, "both are remembered")
+    kill_and_start(bench, name, *(tracking(memory) if name == "tracker" else REMAP))
+    wait_until_linked(bench)
+    camera.wait_for_readers(2)
+    camera.play(shots[AFTER])
+    assert_right(camera, truth)
+    if name == "tracker":
+        for target in ("ball", "drum"):
+            assert f"{target} is taken back" in bench.log("tracker")
+
+
+def test_a_pipeline_that_is_killed_takes_its_targets_back(bench, shots, truth, tmp_path):
+    memory = tmp_path / "memory.csv"
+    bench.start("pipeline", ros=(*REMAP, *tracking(memory)))
+    camera = Camera(bench, "/pipeline/detections")
+    camera.wait_for_readers()
+    camera.play(shots[BEFORE])
+    bench.wait_until(lambda: memory.is_file() and memory.read_text().count("tracking") == 2, "both are remembered")
+    kill_and_start(bench, "pipeline", *REMAP, *tracking(memory))
+    camera.wait_for_readers()
+    camera.play(shots[125:280])
+    assert_right(camera, truth)
+    assert bench.log("pipeline").count("is taken back where it was 0.") == 2
+
+
+def test_what_is_remembered_from_long_ago_is_not_taken_back(bench, shots, truth, tmp_path):
+    memory = tmp_path / "memory.csv"
+    memory.write_text(
+        "stamp_ns,target,x,y,w,h,score,state\n"
+        f"{FIRST_NS - 60 * S_NS},ball,1.0,2.0,30.0,30.0,1.0,tracking\n"
+        f"{FIRST_NS},drum,1.0,2.0,30.0,30.0,0.0,lost\n"
+    )
+    bench.start("pipeline", ros=(*REMAP, *tracking(memory)))
+    camera = Camera(bench, "/pipeline/detections")
+    camera.wait_for_readers()
+    camera.play(shots[10:60])
+    assert camera.overlap(truth, "ball", FIRST_NS + S_NS // 4, FIRST_NS + S_NS // 2) > 0.7
+    assert "drum was lost before the restart" in bench.log("pipeline")
+    assert "ball is taken back" not in bench.log("pipeline")
+
+
+def test_a_memory_that_cannot_be_written_is_refused_at_the_start(bench, tmp_path):
+    process = bench.start("tracker", ros=tracking(tmp_path / "nowhere" / "memory.csv"))
+    assert process.wait(timeout=60) == 2
+    assert "nowhere/memory.csv: cannot be written" in bench.log("tracker")
