@@ -50,7 +50,10 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         node.start()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin_until_future_complete(node.finished)
+        node.finished.add_done_callback(lambda _: executor.wake())
+        # Not spin_until_future_complete: that adds a callback to the future at every turn, which is never let go.
+        while rclpy.ok() and not node.finished.done():
+            executor.spin_once()
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:

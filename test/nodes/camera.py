@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ EVENTS = "/event_camera/events"
 AHEAD_NS = 100_000_000
 """How far the messages may run ahead of the boxes: so nothing is lost on a busy machine but what is to be lost."""
 MESSAGE_NS = 10_000_000
+PATIENCE_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -77,16 +79,22 @@ class Camera:
         self._bench.wait_until(lambda: self._publisher.get_subscription_count() == count, "the events are read")
 
     def play(self, shots: Iterable[Shot]) -> None:
-        """Publish; each message waits for the boxes to be near."""
+        """Publish; each message waits for the boxes to be near, but not for ever: a node may not be linked yet."""
         before_ns = None
         for shot in shots:
             if before_ns is not None and abs(shot.end_ns - before_ns) <= AHEAD_NS:
-                earliest_ns = before_ns - AHEAD_NS
-                self._bench.wait_until(lambda least=earliest_ns: self.latest_ns >= least, "the boxes follow")
+                self._wait_for_boxes(before_ns - AHEAD_NS)
             else:
                 self.latest_ns = shot.end_ns
             before_ns = shot.end_ns
             self.send(shot.encoded())
+        assert before_ns is not None
+        self._bench.wait_until(lambda: abs(self.latest_ns - before_ns) < AHEAD_NS, "the last boxes come")
+
+    def _wait_for_boxes(self, since_ns: int) -> None:
+        end_s = time.monotonic() + PATIENCE_S
+        while self.latest_ns < since_ns and time.monotonic() < end_s:
+            self._bench.spin_once()
 
     def send(self, message: bytes) -> None:
         """Publish a message of any kind."""

@@ -95,7 +95,11 @@ class Bench:
             if time.monotonic() > deadline_s:
                 logs = "\n".join(f"--- {name}\n{self.log(name)}" for name in self.processes)
                 pytest.fail(f"waited in vain until {what}\n{self.diagnostics}\n{logs}")
-            self._executor.spin_once(timeout_sec=0.05)
+            self.spin_once()
+
+    def spin_once(self) -> None:
+        """Take what has come, or wait for it a moment."""
+        self._executor.spin_once(timeout_sec=0.05)
 
     def call(self, kind: type, service: str, request: object) -> Any:
         """The response of a service."""

@@ -37,12 +37,11 @@ def tracking(memory: Path) -> tuple[str, ...]:
 
 
 def wait_until_linked(bench: Bench) -> None:
-    """Until frames go to reconstruction and tracker, and images to the tracker, as the nodes say themselves."""
+    """Until each has said that it runs; those that were killed are still counted as readers for a while."""
     bench.wait_until(
         lambda: (
-            bench.figure("accumulator", "frame subscribers") == "2"
-            and bench.figure("reconstruction", "image subscribers") == "1"
-            and "waiting for /accumulator/frames" not in bench.figure("tracker", "message").partition("nobody")[1]
+            int(bench.figure("accumulator", "frame subscribers") or 0) >= 2
+            and int(bench.figure("reconstruction", "image subscribers") or 0) >= 1
             and bench.figure("tracker", "life cycle") == "active"
         ),
         "the nodes are linked",
@@ -51,7 +50,7 @@ def wait_until_linked(bench: Bench) -> None:
 
 def kill_and_start(bench: Bench, name: str, *ros: str) -> None:
     assert bench.end(name, signal.SIGKILL) == -signal.SIGKILL
-    bench.diagnostics.pop(name)
+    bench.diagnostics.clear()
     bench.start(name, ros=ros)
 
 
