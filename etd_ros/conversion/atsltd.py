@@ -41,6 +41,9 @@ class AtsltdConfig(Parameters):
     max_duration_s: float = parameter(
         0.1, "Longest frame (s); quiet or noisy scenes end frames by it", low=1e-6, high=DURATION_MAX_NS / 1e9
     )
+    min_duration_s: float = parameter(
+        0.0, "Shortest frame that NZGE ends (s); 0 is the paper's", low=0.0, high=DURATION_MAX_NS / 1e9
+    )
     entropy_region: str = parameter(
         ENTROPY_SENSOR,
         "Where NZGE is measured: over the whole sensor (paper), or over the targets' search regions once there are any",
@@ -53,6 +56,12 @@ class AtsltdConfig(Parameters):
         high=1.0,
     )
     fine_max_duration_s: float = parameter(0.01, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9)
+    fine_min_duration_s: float = parameter(
+        0.001,
+        "Shortest fine frame that NZGE ends (s): where events are many, frames would be more than a tracker can take",
+        low=0.0,
+        high=DURATION_MAX_NS / 1e9,
+    )
     check_stride: int = parameter(50, "Distance of the checks of NZGE (events)", low=1, high=10_000)
 
     def __post_init__(self) -> None:
@@ -63,10 +72,15 @@ class AtsltdConfig(Parameters):
             raise ParameterError(msg)
 
     def fine(self) -> AtsltdConfig:
-        """The same for fine frames, which end at `fine_share` of the interval or after `fine_max_duration_s`."""
+        """The same for fine frames, which end at `fine_share` of the interval or after `fine_max_duration_s`, not
+        before `fine_min_duration_s`."""
         alpha, beta = self.nzge_interval
-        interval = self.fine_share * alpha, self.fine_share * beta
-        return dataclasses.replace(self, nzge_interval=interval, max_duration_s=self.fine_max_duration_s)
+        return dataclasses.replace(
+            self,
+            nzge_interval=(self.fine_share * alpha, self.fine_share * beta),
+            min_duration_s=self.fine_min_duration_s,
+            max_duration_s=self.fine_max_duration_s,
+        )
 
 
 class AtsltdConverter(AccumulatingConverter):
@@ -74,8 +88,8 @@ class AtsltdConverter(AccumulatingConverter):
 
     A frame starts at T_{i-1}, the end of the last one (the stream's first event starts the first). It ends with its
     k-th event, T_i = t_k, at the first check that finds NZGE >= alpha (exact, of the frame as it would be read out
-    then) and t_k > T_{i-1}. Checks lie on the multiples of check_stride, counted from the frame's first event, so that
-    batches do not matter, and are left out where they cannot or will hardly succeed:
+    then), t_k > T_{i-1} and t_k >= T_{i-1} + min_duration_s. Checks lie on the multiples of check_stride, counted from
+    the frame's first event, so that batches do not matter, and are left out where they cannot or will hardly succeed:
 
     - where a bound of NZGE is below alpha: no cell has more entropy than with distinct grey levels (paper equation 4),
       which its number of event pixels tells, and that is counted as the events come. It holds for alpha up to half of
@@ -113,6 +127,8 @@ class AtsltdConverter(AccumulatingConverter):
         self.config = config or AtsltdConfig()
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
+        self.min_duration_ns = round(self.config.min_duration_s * 1e9)
+        """May be changed from one batch to the next."""
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
@@ -131,6 +147,7 @@ class AtsltdConverter(AccumulatingConverter):
                 *(events.t, events.x, events.y, events.p),
                 i,
                 accumulator.start_ns,
+                accumulator.start_ns + self.min_duration_ns,
                 accumulator.start_ns + self._max_duration_ns,
                 alpha,
                 self.config.check_stride,

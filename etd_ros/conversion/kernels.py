@@ -362,12 +362,14 @@ def advance(
     p: npt.NDArray[np.uint8],
     first: int,
     start_ns: int,
+    earliest_ns: int,
     limit_ns: int,
     alpha: float,
     check_stride: int,
     data: npt.NDArray[np.uint8],
 ) -> tuple[int, float, int]:
-    """Add events to the frame until it reaches alpha, one comes after limit_ns, or the batch is over.
+    """Add events to the frame until it reaches alpha at earliest_ns or later, one comes after limit_ns, or the batch is
+    over.
 
     Returns:
         The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
@@ -385,7 +387,10 @@ def advance(
             return i, 0.0, 0
         strides = 1
         duration_ns = t[i - 1] - start_ns
-        if duration_ns > 0:
+        if t[i - 1] < earliest_ns:
+            # To the first check that may succeed, or the batch's end.
+            strides = 1 + (first_after(t, i, earliest_ns - 1) - i) // check_stride
+        elif duration_ns > 0:
             strides = _strides_below(cells, state, alpha, check_stride, duration_ns, data)
         if strides == 0:
             nzge = _read_out(cells, state, duration_ns, data)

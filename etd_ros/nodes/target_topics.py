@@ -20,7 +20,7 @@ from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
-from etd_ros.nodes.target_memory import TargetMemory, was_lost
+from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.worker import Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
@@ -55,7 +55,7 @@ class TrackingOptions(NodeOptions):
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
     auto: bool = parameter(False, "moving objects become targets auto_1, auto_2, ... by themselves")
     memory_file: str = parameter(
-        "", "file for the targets' last boxes, written once a second: a node that is started again takes them back"
+        "", "file for the targets' last boxes, written five times a second: a node that starts again takes them back"
     )
     rerun: str = parameter(
         "", "logs to the Rerun viewer: FILE.rrd, `spawn` to start one, or the address of one that runs"
@@ -64,7 +64,7 @@ class TrackingOptions(NodeOptions):
 
 OVERLAYS_PER_S = 30
 """Frames come by the hundred a second; more pictures than that would cost a network more than events do."""
-MEMORY_PERIOD_S = 1.0
+MEMORY_PERIOD_S = 0.2
 UNNAMED_MAX = 64
 """Most boxes and clicks without a name that are targets at once: a detector that names nothing sends ever new ones."""
 
@@ -132,17 +132,16 @@ class TargetInput:
 
     def _take_back(self, tracker: MultiTracker, stamp_ns: int) -> set[str]:
         """Start targets where the memory has them; returns the names of all that it has."""
-        rows = self._memory.recall(stamp_ns)
-        for row in rows:
-            if was_lost(row):
-                self._node.get_logger().warning(f"{row.target} was lost before the restart: give it a new box")
-            elif row.box is not None:
-                target = TargetStart(row.target, row.box)
-                self._targets.setdefault(row.target, target)
-                self._start(tracker, target)
-                age_s = (stamp_ns - row.stamp_ns) * 1e-9
-                self._node.get_logger().info(f"{row.target} is taken back where it was {age_s:.1f} s ago")
-        return {row.target for row in rows}
+        remembered = self._memory.recall(stamp_ns)
+        for target in remembered:
+            if target.was_lost:
+                self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
+                continue
+            start = TargetStart(target.name, target.box)
+            self._targets.setdefault(target.name, start)
+            self._start(tracker, start)
+            self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
+        return {target.name for target in remembered}
 
     def _remember(self) -> None:
         try:
