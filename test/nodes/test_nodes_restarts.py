@@ -15,6 +15,8 @@ FIRST_NS = 1_700_000_000 * S_NS
 TARGETS = "targets:=ball:64.866,34.762,40,40;drum:139.382,47.099,46,36"
 BEFORE, AFTER, SOON_AFTER = slice(10, 120), slice(150, 280), slice(125, 280)
 """Messages before a node is killed, and after it is back: 0.3 s of the recording are missed, or 0.05 s."""
+TAKEN_BACK = 0.5
+"""IoU with the truth of a target that was learnt anew where its motion should have brought it."""
 
 
 @pytest.fixture
@@ -65,9 +67,9 @@ def kill_and_start(bench: Bench, name: str, *ros: str) -> None:
     bench.start(name, ros=ros)
 
 
-def assert_right(camera: Camera, truth: Path) -> None:
+def assert_right(camera: Camera, truth: Path, least: float) -> None:
     for name in ("ball", "drum"):
-        assert camera.overlap(truth, name, FIRST_NS + 2 * S_NS, FIRST_NS + 27 * S_NS // 10) > 0.7, name
+        assert camera.overlap(truth, name, FIRST_NS + 2 * S_NS, FIRST_NS + 27 * S_NS // 10) > least, name
 
 
 @pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker"])
@@ -82,7 +84,7 @@ def test_each_of_three_nodes_may_be_killed_and_the_targets_go_on(bench, shots, t
     wait_until_linked(bench)
     camera.wait_for_readers(2)
     camera.play(shots[SOON_AFTER if name == "tracker" else AFTER])
-    assert_right(camera, truth)
+    assert_right(camera, truth, TAKEN_BACK if name == "tracker" else 0.7)
     if name == "tracker":
         for target in ("ball", "drum"):
             assert f"{target} is taken back" in bench.log("tracker")
@@ -98,7 +100,7 @@ def test_a_pipeline_that_is_killed_takes_its_targets_back(bench, shots, truth, t
     kill_and_start(bench, "pipeline", *REMAP, *tracking(memory))
     camera.wait_for_readers()
     camera.play(shots[SOON_AFTER])
-    assert_right(camera, truth)
+    assert_right(camera, truth, TAKEN_BACK)
     assert bench.log("pipeline").count("is taken back after 0.") == 2
 
 
