@@ -32,9 +32,10 @@ lint: setup ## style and types
 	$(BIN)/mypy
 	$(BIN)/mypy scripts/set_up.py
 
-bench: .venv-bench/.done ## measure speed beside other packages, in .venv-bench; writes benchmarks/
-	@.venv-bench/bin/python -m etd_ros benchmark --write benchmarks
+bench: setup .venv-bench/.done ## measure speed beside other packages, in .venv-bench, and the live node; writes benchmarks/
+	@.venv-bench/bin/python -m etd_ros benchmark event-path tracker --write benchmarks
 	@.venv-bench/bin/python -m etd_ros benchmark --scaling docs/scaling.png
+	@$(BIN)/python -m etd_ros benchmark live --write benchmarks
 
 # An environment of its own: the other packages have requirements of theirs.
 .venv-bench/.done: setup.py scripts/requirements-runtime.txt
