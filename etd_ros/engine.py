@@ -116,6 +116,12 @@ class FrameSource:
         """The frames that this batch finishes."""
         return self._converter.convert(self._filter.filter(events) if self._filter else events)
 
+    def last_at_least(self, duration_s: float) -> None:
+        """Have frames that NZGE ends last at least so long (s), from the next one on: fewer frames where a later stage
+        does not keep up."""
+        if isinstance(self._converter, AtsltdConverter):
+            self._converter.last_at_least(duration_s)
+
     def parts(self, batch: StreamBatch) -> Iterator[Part]:
         """The same for the stages that follow: a part for each frame, and one part where there is none."""
         rest: StreamBatch | None = batch

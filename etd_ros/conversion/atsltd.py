@@ -127,11 +127,14 @@ class AtsltdConverter(AccumulatingConverter):
         self.config = config or AtsltdConfig()
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
-        self.min_duration_ns = round(self.config.min_duration_s * 1e9)
-        """May be changed from one batch to the next."""
+        self._min_duration_ns = round(self.config.min_duration_s * 1e9)
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
+
+    def last_at_least(self, duration_s: float) -> None:
+        """Have the frames from the next one on last at least so long (s), or as configured where that is longer."""
+        self._min_duration_ns = round(max(duration_s, self.config.min_duration_s) * 1e9)
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
@@ -147,7 +150,7 @@ class AtsltdConverter(AccumulatingConverter):
                 *(events.t, events.x, events.y, events.p),
                 i,
                 accumulator.start_ns,
-                accumulator.start_ns + self.min_duration_ns,
+                accumulator.start_ns + self._min_duration_ns,
                 accumulator.start_ns + self._max_duration_ns,
                 alpha,
                 self.config.check_stride,

@@ -52,7 +52,7 @@ class NodeOptions(Parameters):
         high=4096.0,
     )
     queue_s: float = parameter(
-        0.05,
+        0.1,
         "longest wait of a message in the queue (s); beyond it all but the newest are dropped and counted",
         low=0.001,
         high=3600.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
@@ -20,8 +21,11 @@ from etd_ros.stream import StreamBatch
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import EventMessage, Level, encode_image
 
-PARTS_AHEAD = 8
+PARTS_AHEAD = 2
 """Frames that may wait for reconstruction, and as many for the tracker."""
+LONGER_FRAMES = ((0.1, 0.004), (0.05, 0.002), (0.0, 0.0))
+"""When a message has taken this share of what `queue_s` allows, the next frames last at least so long (s): fewer of
+them rather than lost ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +145,13 @@ class Pipeline(EtdNode):
 
     def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
         origin = Origin(message.frame_id, received_s)
-        for part in self._frame_sources.at(batch).parts(batch):
+        source = self._frame_sources.at(batch)
+        for part in source.parts(batch):
             if part.frame is not None:
                 self._figures.note(part.frame)
             self._hand_over(part, origin)
+            late_s = time.monotonic() - received_s
+            source.last_at_least(next(s for share, s in LONGER_FRAMES if late_s >= share * self.options.queue_s))
 
     def _hand_over(self, part: Part, origin: Origin) -> None:
         if self._method.recovers:

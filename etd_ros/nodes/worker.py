@@ -11,6 +11,12 @@ from dataclasses import dataclass
 Handler = Callable[[bytes], None]
 Task = Callable[[], None]
 
+KEPT_SHARE = 0.5
+"""What is older than this share of what is allowed goes with the oldest: rarer gaps, none of them long."""
+PATIENCE_FACTOR, PATIENCE_MIN, OVERLOAD_S = 0.8, 0.4, 1.0
+"""Each time that data is dropped, this share of the age that was allowed is allowed from then on, down to the second
+share of what is allowed usually; without a drop for this time (s) all of it is again."""
+
 
 @dataclass(slots=True)
 class WorkerCounters:
@@ -77,8 +83,10 @@ class Worker(_TaskThread):
     Args:
         name: of the thread.
         max_bytes: when the queue holds more, the oldest data is dropped.
-        max_age_s: when the oldest data has waited for longer (s), all but the newest is dropped: what is worked on
-            between two such moments is without gaps, which a method that follows motion needs more than an even share.
+        max_age_s: when the oldest data has waited for longer (s), the older half is dropped: what is worked on between
+            two such moments is without gaps, which a method that follows motion needs more than an even share. What
+            cannot keep up for long comes to drop earlier, so that it is late as little as it can, while a moment's
+            hesitation loses nothing.
         on_error: called with what a handler raises.
         counters: of what is dropped.
     """
@@ -94,6 +102,8 @@ class Worker(_TaskThread):
         self.counters = counters or WorkerCounters()
         self.max_bytes = max_bytes
         self.max_age_s = max_age_s
+        self._patience = 1.0
+        self._dropped_s = 0.0
         super().__init__(name, on_error)
 
     @property
@@ -119,11 +129,17 @@ class Worker(_TaskThread):
 
     def _drop_late(self) -> None:
         oldest = next((waiting for waiting in self._queue if waiting.is_data), None)
-        if oldest is None or time.monotonic() - oldest.received_s <= self.max_age_s:
+        now_s = time.monotonic()
+        if now_s - self._dropped_s > OVERLOAD_S:
+            self._patience = 1.0
+        allowed_s = self._patience * self.max_age_s
+        if oldest is None or now_s - oldest.received_s <= allowed_s:
             return
+        self._patience, self._dropped_s = max(PATIENCE_MIN, PATIENCE_FACTOR * self._patience), now_s
         data = [waiting for waiting in self._queue if waiting.is_data]
         for waiting in data[:-1]:
-            self._drop(waiting)
+            if now_s - waiting.received_s > KEPT_SHARE * allowed_s:
+                self._drop(waiting)
 
     def _drop(self, waiting: _Waiting) -> None:
         self._queue.remove(waiting)

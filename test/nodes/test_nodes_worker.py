@@ -73,6 +73,48 @@ def test_data_that_has_waited_too_long_is_dropped_but_for_the_newest_and_request
     assert worker.counters.dropped_messages == 3
 
 
+def test_data_that_has_waited_for_less_than_half_of_what_is_allowed_is_kept(errors, monkeypatch):
+    now_s = [0.0]
+    monkeypatch.setattr("etd_ros.nodes.worker.time.monotonic", lambda: now_s[0])
+    worker = Worker("test", 1000, 10.0, errors.append)
+    seen = []
+    go_on = hold(worker)
+    for number in range(10):
+        now_s[0] = float(number)
+        worker.submit(seen.append, bytes([number]))
+    now_s[0] = 11.0
+    go_on.set()
+    run_all(worker)
+    worker.stop()
+    assert [message[0] for message in seen] == [6, 7, 8, 9]
+    assert worker.counters.dropped_messages == 6
+
+
+def test_what_keeps_dropping_is_allowed_less_until_it_keeps_up_again(errors, monkeypatch):
+    now_s = [100.0]
+    monkeypatch.setattr("etd_ros.nodes.worker.time.monotonic", lambda: now_s[0])
+    worker = Worker("test", 1000, 10.0, errors.append)
+
+    def dropped_after(age_s: float) -> int:
+        """How many of two messages are dropped, the first of which has waited for so long."""
+        before = worker.counters.dropped_messages
+        go_on = hold(worker)
+        worker.submit(lambda _: None, b"old")
+        now_s[0] += age_s
+        worker.submit(lambda _: None, b"new")
+        go_on.set()
+        run_all(worker)
+        return worker.counters.dropped_messages - before
+
+    assert dropped_after(9.0) == 0
+    assert dropped_after(11.0) == 1
+    now_s[0] -= 8.5
+    assert dropped_after(9.0) == 1
+    now_s[0] += 2.0
+    assert dropped_after(9.0) == 0
+    worker.stop()
+
+
 def test_data_is_dropped_before_requests(worker):
     seen = []
     go_on = hold(worker)
