@@ -213,6 +213,37 @@ def test_frames_do_not_depend_on_batches(seed, cuts):
     assert_same_frames(frames_of(AtsltdConverter(18, 13, config), cut(events, cuts)), whole)
 
 
+@given(st.integers(0, 1000), st.lists(st.integers(0, 1500), max_size=12), st.integers(1, 3000))
+@settings(deadline=None, max_examples=40)
+def test_no_frame_ends_by_nzge_before_its_shortest_duration_however_events_are_cut(seed, cuts, shortest_us):
+    events = random_events(seed, 1500, 18, 13, 30 * MS)
+    config = AtsltdConfig(check_stride=7, min_duration_s=shortest_us * 1e-6, max_duration_s=0.004)
+    whole = frames_of(AtsltdConverter(18, 13, config), [events])
+    assert whole
+    assert all(f.stamp_ns - f.start_ns >= 1000 * shortest_us for f in whole if f.end is FrameEnd.NZGE)
+    assert_same_frames(frames_of(AtsltdConverter(18, 13, config), cut(events, cuts)), whole)
+
+
+def test_a_frame_that_has_its_nzge_ends_with_the_first_stride_after_its_shortest_duration():
+    events = random_events(3, 3000, 18, 13, 30 * MS)
+    first = frames_of(AtsltdConverter(18, 13, AtsltdConfig(check_stride=7, min_duration_s=0.002)), [events])[0]
+    earliest = int(np.searchsorted(events.t, events.t[0] + 2 * MS))
+    assert first.end is FrameEnd.NZGE
+    assert earliest < first.events <= earliest + 7
+    np.testing.assert_array_equal(first.data, closed_form(events[: first.events], first.start_ns, first.stamp_ns))
+
+
+def test_frames_can_be_made_longer_from_the_next_one_on_and_are_as_configured_again():
+    events = random_events(4, 3000, 18, 13, 30 * MS)
+    config = AtsltdConfig(check_stride=7, min_duration_s=0.001)
+    converter = AtsltdConverter(18, 13, config)
+    converter.last_at_least(0.005)
+    assert all(frame.stamp_ns - frame.start_ns >= 5 * MS for frame in frames_of(converter, [events]))
+    converter.reset()
+    converter.last_at_least(0.0)
+    assert_same_frames(frames_of(converter, [events]), frames_of(AtsltdConverter(18, 13, config), [events]))
+
+
 def test_time_limit_ends_a_frame_without_the_event_that_comes_after_it():
     events = make_events([0, 10 * MS, 10 * MS + 1, 15 * MS, 25 * MS], [0, 1, 2, 3, 0], [0] * 5, [1] * 5, 4, 4)
     frames = frames_of(AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01)), [events])
