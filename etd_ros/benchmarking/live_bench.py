@@ -24,7 +24,7 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.benchmarking.live_load import NS_PER_S, LoadGenerator, Place, Play, Played, ros_node
 from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
-from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
+from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, TURN_US, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.boxes import Box
 from etd_ros.nodes.connections import FRAME_QOS
@@ -91,6 +91,7 @@ class Outcome:
         return self.published - self.decoded
 
 
+LEARNING_TURNS = 2
 LOSSES = ("dropped messages", "lost messages", "sequence gaps", "stream restarts", "decode errors", "errors")
 """Keys of the node's diagnostics of which none may grow."""
 
@@ -286,29 +287,45 @@ class LiveBench:
         self.wait_until(has_come, "the first box")
         return found[0]
 
-    def run(self, generator: LoadGenerator, scene: LiveScene, duration_s: float) -> Outcome:
-        """Have the generator play what it has prepared, for `duration_s`, the target starting anew; see what comes."""
+    def run(
+        self, generator: LoadGenerator, scene: LiveScene, duration_s: float, before: LoadGenerator | None = None
+    ) -> Outcome:
+        """Have the generator play what it has prepared, for `duration_s`, the target starting anew; see what comes.
+
+        Args:
+            generator: of the load.
+            scene: that it plays.
+            duration_s: of its play.
+            before: plays two turns of the target first, of which nothing is judged: what the target looks like is
+                learnt from them.
+        """
         if self._misses_last:
             # What was lost last shows as a gap before the next message, which must not be this play's.
             self._misses_last = False
             self._play(generator, scene, generator.message_s)
-        outcome = self._play(generator, scene, duration_s)
+        outcome = self._play(generator, scene, duration_s, before)
         self._misses_last = not outcome.is_lossless
         return outcome
 
-    def _play(self, generator: LoadGenerator, scene: LiveScene, duration_s: float) -> Outcome:
+    def _play(
+        self, generator: LoadGenerator, scene: LiveScene, duration_s: float, learning: LoadGenerator | None = None
+    ) -> Outcome:
         # Nothing has been published since the node said this.
         before = self._diagnostics
         self.take_boxes()
         start_ns = rounded_start_ns(time.time_ns() + LEAD_NS)
         self.start_target(scene.box(0), start_ns)
+        if learning is not None:
+            learning.play(Play(start_ns, LEARNING_TURNS * TURN_US * 1e-6))
+            start_ns += LEARNING_TURNS * TURN_US * NS_PER_US
         generator.play(Play(start_ns, duration_s))
         resident_mib = []
         while not generator.is_done:
             self.spin_once()
             resident_mib.append(self.process.resident_mib)
         played = generator.played()
-        decoded = self._decoded_at_rest(before, len(played.published_ns))
+        learnt = 0 if learning is None else len(learning.played().published_ns)
+        decoded = self._decoded_at_rest(before, len(played.published_ns) + learnt) - learnt
         losses = {key: self.figure(key) - int(before.get(key, 0)) for key in LOSSES}
         after_s, latency_ms, iou = self._judged(played, scene)
         return Outcome(

@@ -204,7 +204,10 @@ def _is_up_to_date(outcome: Outcome, duration_s: float) -> bool:
 
 def _overload(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
     generator.prepare(OVERLOAD_RATE, MESSAGES_PER_S)
-    outcome = bench.run(generator, scene, RUN_IN_S + effort.overload_s)
+    with LoadGenerator(scene.width, scene.height, bench.place) as learning:
+        learning.prepare(LATENCY_RATE, MESSAGES_PER_S)
+        bench.wait_until(lambda: learning.subscribers() == 1, "the node's subscription")
+        outcome = bench.run(generator, scene, RUN_IN_S + effort.overload_s, learning)
     judged = outcome.after_s >= RUN_IN_S
     sensor, told = (scene.width, scene.height), _told(OVERLOAD_RATE, MESSAGES_PER_S)
     yield _figure("overload_offered", sensor, _offered(outcome, OVERLOAD_RATE) / MEV, "Mev/s", told)
