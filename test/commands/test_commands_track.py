@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import sys
 
 import command_bags
 import cv2
 import numpy as np
 import pytest
+from rerun_files import logged
 
 from etd_ros.boxes import iou
 from etd_ros.cli import main
@@ -255,3 +257,26 @@ def test_a_click_is_tracked_and_one_in_vain_is_told(repository, tmp_path, capsys
     assert set(read_tracks(output)) == {"ball"}
     assert read_tracks(output)["ball"][0].stamp_ns > label.stamp_ns
     assert "'nothing' at (1, 1): nothing has moved there" in capsys.readouterr().err
+
+
+def test_the_log_for_the_rerun_viewer_has_the_boxes_of_the_tracks(tmp_path):
+    file = tmp_path / "log.rrd"
+    rows = tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--rerun", str(file))
+    boxes = logged(file)["boxes"]
+    assert [stamp for stamp, _ in boxes] == [int(row["stamp_ns"]) for row in rows]
+    with_box = [(row, logged_box) for row, (_, logged_box) in zip(rows, boxes, strict=True) if row["w"]]
+    assert with_box
+    for row, logged_box in with_box:
+        half_width, half_height = logged_box["half_sizes"][0]
+        left, top = logged_box["centers"][0][0] - half_width, logged_box["centers"][0][1] - half_height
+        written = [float(row[name]) for name in ("x", "y", "w", "h")]
+        assert [left, top, 2 * half_width, 2 * half_height] == pytest.approx(written, abs=1e-2)
+
+
+def test_without_the_rerun_sdk_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    bag, output = command_bags.sound(tmp_path / "bag"), tmp_path / "tracks.csv"
+    options = ["--target", "thing:10,10,20,20", "--rerun", str(tmp_path / "log.rrd")]
+    assert main(["track", str(bag), "--output", str(output), *options]) == 2
+    assert capsys.readouterr().err == "etd_ros: the Rerun viewer needs its SDK: pip install rerun-sdk\n"
+    assert not output.exists()
