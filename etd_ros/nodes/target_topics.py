@@ -103,6 +103,16 @@ class TargetInput:
         self._node.reader(PointStamped, "~/clicked_point", self._receive_point)
         self._node.every(MEMORY_PERIOD_S, self._remember)
 
+    def missing(self) -> list[str]:
+        """What is missing where there is nothing to track, in a sentence."""
+        if self._targets or self._unnamed or self._node.options.auto:
+            return []
+        boxes, points = (self._node.resolve_topic_name(topic) for topic in ("~/targets", "~/clicked_point"))
+        return [
+            f"waiting for targets on {boxes} (vision_msgs/msg/Detection2DArray, reliable): publish boxes there or "
+            f"points on {points}, or set the parameter targets, targets_file or auto"
+        ]
+
     def start_all(self, tracker: MultiTracker, stamp_ns: int, first_ns: int) -> None:
         """Start every target on a new tracker: at its box, or where the node's last life has left it.
 

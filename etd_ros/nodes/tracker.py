@@ -146,15 +146,7 @@ class Tracker(EtdNode):
 
     def missing(self) -> list[str]:
         """What the node waits for."""
-        sentences = super().missing()
-        if not len(self._targets) and not self.options.auto:
-            topic = self.resolve_topic_name("~/targets")
-            sentences.append(
-                f"waiting for targets on {topic} (vision_msgs/msg/Detection2DArray, reliable): publish boxes there "
-                f"or points on {self.resolve_topic_name('~/clicked_point')}, or set the parameter targets, "
-                "targets_file or auto"
-            )
-        return sentences
+        return [*super().missing(), *self._targets.missing()]
 
     def _on_frame(self, message: bytes, received_s: float) -> None:
         self.worker.submit(lambda data: self._take_frame(data, received_s), message)
