@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -16,6 +17,8 @@ from etd_ros.stream import Restart, StreamBatch, StreamCounters, StreamGuard
 from msg_adapters import EVENT_TYPES, EventMessage, Layout, MessageError, SensorClock, decoder_for
 
 POLL_PERIOD_S = 0.2
+UNSEEN_TYPE = "event_camera_msgs/msg/EventPacket"
+"""What drivers publish, where nobody says what is published."""
 
 BatchHandler = Callable[[EventMessage, StreamBatch, float], None]
 """Gets a message, a batch of it, and when the message was received (s, monotonic)."""
@@ -168,7 +171,8 @@ class EventInput:
 
     def _subscribe(self) -> None:
         types = self._published_types()
-        known = sorted(types & EVENT_TYPES)
+        is_unseen = not types and _sees_only_what_it_reads()
+        known = [UNSEEN_TYPE] if is_unseen else sorted(types & EVENT_TYPES)
         if not known:
             for type_name in sorted(types - self._refused_types):
                 self._refused_types.add(type_name)
@@ -192,7 +196,8 @@ class EventInput:
         self._decoding = decoding
         self._type_name = type_name
         self._subscription = self._node.reader(message_class, self._topic, on_message, EVENT_QOS)
-        self._node.get_logger().info(f"reading {type_name} from {self._topic}")
+        why = ", whose type the discovery server does not tell: ROS_SUPER_CLIENT=TRUE lets it" if is_unseen else ""
+        self._node.get_logger().info(f"reading {type_name} from {self._topic}{why}")
 
     def _unsubscribe(self) -> None:
         if self._subscription is not None and self._node.context.ok():
@@ -205,6 +210,11 @@ class EventInput:
             if batch.restart is not None:
                 self._node.warn(f"the event stream starts anew: {batch.restart.value}")
             self._handle(decoded, batch, received_s)
+
+
+def _sees_only_what_it_reads() -> bool:
+    """Whether this is a mere client of a discovery server: it is told of a topic once it reads it, and not before."""
+    return bool(os.environ.get("ROS_DISCOVERY_SERVER")) and os.environ.get("ROS_SUPER_CLIENT", "").upper() != "TRUE"
 
 
 def _message_class(type_name: str) -> type | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Literal
@@ -37,7 +38,7 @@ class BagWriter:
         compressed: whether the storage file's chunks are compressed (zstd).
 
     Raises:
-        RecordingError: on entry, the folder exists or cannot be written.
+        RecordingError: on entry, the folder exists or cannot be written; on leaving, its end cannot be.
     """
 
     def __init__(self, path: Path, definitions: Mapping[str, str], *, compressed: bool = False) -> None:
@@ -65,7 +66,13 @@ class BagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._writer.close()
+        if error is None:
+            with self._failing_in_one_line():
+                self._writer.close()
+        else:
+            # What is under way already says more than that the end of the file is missing too.
+            with suppress(OSError):
+                self._writer.close()
 
     def add_topic(self, topic: str, type_name: str, *, reliable: bool) -> None:
         """Announce a topic, with the QoS that replaying it should offer."""
@@ -85,5 +92,21 @@ class BagWriter:
         )
 
     def write(self, topic: str, receive_ns: int, message: bytes) -> None:
-        """Append a serialised message of an announced topic, received at `receive_ns`."""
-        self._writer.write(self._connections[topic], receive_ns, message)
+        """Append a serialised message of an announced topic, received at `receive_ns`.
+
+        Raises:
+            RecordingError: it cannot be written; what was written before is kept.
+        """
+        with self._failing_in_one_line():
+            self._writer.write(self._connections[topic], receive_ns, message)
+
+    @contextmanager
+    def _failing_in_one_line(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as err:
+            msg = (
+                f"{self._path}: cannot be written any more ({err.strerror or err}): free space on that disk, or record "
+                "on another one; what came before is kept, and `mcap recover` makes it a whole file"
+            )
+            raise RecordingError(msg) from err

@@ -31,14 +31,18 @@ class Machines:
             "PYTHONPATH": str(REPOSITORY),
         }
 
-    def serve_discovery(self) -> None:
-        """A discovery server on the camera host, which all processes started from now on ask for each other."""
+    def serve_discovery(self, *, tells_all: bool) -> None:
+        """A discovery server on the camera host, which all processes started from now on ask for each other.
+
+        Args:
+            tells_all: whether processes ask for everything there is, or for what they read and write.
+        """
         server = shutil.which("fast-discovery-server", path=f"{Path(sys.executable).parent}") or "fast-discovery-server"
         address = self.hosts.camera.address
         command = [server, "--server-id", "0", "--udp-address", address, "--udp-port", str(SERVER_PORT)]
         self.hosts.camera.start("discovery_server", command, self._environment, self._log("discovery_server"))
-        # A mere client is told of a topic only once it reads it, but the nodes read events in the type that they see.
-        self._environment |= {"ROS_DISCOVERY_SERVER": f"{address}:{SERVER_PORT}", "ROS_SUPER_CLIENT": "TRUE"}
+        is_super = "TRUE" if tells_all else "FALSE"
+        self._environment |= {"ROS_DISCOVERY_SERVER": f"{address}:{SERVER_PORT}", "ROS_SUPER_CLIENT": is_super}
 
     def start(self, reconstruction: str) -> None:
         """Driver and accumulator on the camera host, the tracker on the other, the reconstruction on either."""
@@ -125,8 +129,9 @@ def test_hosts_find_each_other_by_multicast_and_boxes_come_again_after_the_link_
     machines.wait_until(lambda: machines.boxes() > boxes + 100, "boxes arrive again")
 
 
-def test_hosts_find_each_other_by_a_discovery_server_without_multicast(machines):
-    machines.serve_discovery()
+@pytest.mark.parametrize("tells_all", [True, False], ids=["super clients", "clients"])
+def test_hosts_find_each_other_by_a_discovery_server_without_multicast(machines, tells_all):
+    machines.serve_discovery(tells_all=tells_all)
     machines.start(reconstruction="camera")
     machines.wait_until(lambda: machines.boxes() > 100, "boxes arrive")
     machines.wait_until(lambda: machines.figure("tracker", "images received") > 0, "images arrive")

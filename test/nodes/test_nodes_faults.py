@@ -1,13 +1,16 @@
 """What nodes do when something is missing, wrong, or over."""
 
+import os
 import re
+import resource
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from conftest import Bench
+from conftest import DOMAINS, Bench
 from event_camera_msgs.msg import EventPacket
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
@@ -17,6 +20,7 @@ from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
 from msg_adapters import Detection, decode_detections, encode_detections
 
 EVENTS = "/event_camera/events"
+DISK_BYTES, CHUNK_BYTES = 8 << 20, 1 << 20
 REMAP = ("-r", f"~/events:={EVENTS}")
 NODES = ("accumulator", "reconstruction", "tracker", "pipeline")
 
@@ -153,3 +157,56 @@ def test_an_unreadable_recording_ends_the_replay_with_one_line(bench, tmp_path: 
     assert bench.start("replay", str(tmp_path / "missing.bag")).wait(timeout=60) == 2
     assert bench.log("replay").startswith("etd_ros: ")
     assert len(bench.log("replay").splitlines()) == 1
+
+
+def test_a_demo_whose_disk_is_full_says_so_in_one_line_and_leaves_no_process(tmp_path, repository):
+    """A limit on the size of files stands for the full disk; it would hold for shared memory too, hence UDP."""
+    limited = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({DISK_BYTES}, {DISK_BYTES})); " + (
+        "import sys; from etd_ros.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    domain = str(next(DOMAINS))
+    done = subprocess.run(
+        [sys.executable, "-c", limited, "demo", "--output", str(tmp_path / "results")],
+        env={
+            **os.environ,
+            "ROS_DOMAIN_ID": domain,
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(repository / "config" / "fastdds_udp.xml"),
+        },
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.strip().splitlines()
+    for part in (str(tmp_path / "results" / "bag"), "File too large", "free space", "mcap recover"):
+        assert part in line
+    assert (tmp_path / "results" / "bag" / "bag.mcap").stat().st_size > DISK_BYTES - 2 * CHUNK_BYTES
+    assert not processes_of(domain)
+
+
+def test_a_memory_that_cannot_be_written_any_more_is_counted_and_the_node_goes_on(bench, tmp_path, repository):
+    memory = tmp_path / "memory"
+    memory.mkdir()
+    bench.listen("/pipeline/detections", Detection2DArray)
+    boxes = bench.messages["/pipeline/detections"]
+    target = ("-p", "targets:=ball:64.866,34.762,40,40", "-p", f"memory_file:={memory / 'targets.csv'}")
+    process = bench.start("pipeline", ros=(*REMAP, *target))
+    bench.start("replay", str(repository / "bags" / "demo"), "--loop", "--wait-for", "1")
+    bench.wait_until(lambda: (memory / "targets.csv").exists(), "targets are remembered")
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, 0))
+    bench.wait_until(lambda: int(bench.figure("pipeline", "errors") or 0) > 0, "it is counted")
+    before = len(boxes)
+    bench.wait_until(lambda: len(boxes) > before + 100, "boxes come all the same")
+
+
+def processes_of(domain: str) -> list[str]:
+    """Command lines of the processes in a ROS domain."""
+    mark = f"ROS_DOMAIN_ID={domain}".encode()
+    found = []
+    for folder in (folder for folder in Path("/proc").iterdir() if folder.name.isdecimal()):
+        # A process may end while it is looked at, or belong to another user.
+        with suppress(OSError):
+            if mark in (folder / "environ").read_bytes().split(b"\0"):
+                found.append((folder / "cmdline").read_text())
+    return found
