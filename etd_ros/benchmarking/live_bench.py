@@ -340,7 +340,7 @@ class LiveBench:
             own_latency_ms={
                 percent: float(text)
                 for percent in PERCENTILES
-                if (text := self._diagnostics.get(f"latency p{percent} ms"))
+                if (text := self._diagnostics.get(f"latency p{percent} ms", "nan")) != "nan"
             },
         )
 

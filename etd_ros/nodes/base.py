@@ -24,6 +24,7 @@ from etd_ros.errors import EtdError
 from etd_ros.nodes.connections import FRAME_QOS, Arrivals, Input, reader_callbacks, writer_callbacks
 from etd_ros.nodes.figures import Latencies, Rates
 from etd_ros.nodes.node_parameters import AT_ONCE, NodeParameters
+from etd_ros.nodes.ros_errors import ros_refusals
 from etd_ros.nodes.worker import Worker, WorkerCounters
 from etd_ros.parameters import Parameters, parameter
 from etd_ros.settings import Settings
@@ -76,7 +77,8 @@ class EtdNode(LifecycleNode):
     """
 
     def __init__(self, name: str, stages: tuple[str, ...], options: type[NodeOptions]) -> None:
-        super().__init__(name)
+        with ros_refusals():
+            super().__init__(name)
         self.errors = 0
         self.phase = Phase.UNCONFIGURED
         self.finished = Future()
@@ -275,9 +277,10 @@ class EtdNode(LifecycleNode):
                 self.get_logger().error(" ".join(str(err).split()))
             return TransitionCallbackReturn.FAILURE
         except Exception as err:
-            # rclpy would say nothing of it.
             self._refusal = err
-            self.get_logger().error("".join(traceback.format_exception(err)))
+            if self.context.ok():  # else the node was told to leave, and whatever it tries fails
+                # rclpy would say nothing of it.
+                self.get_logger().error("".join(traceback.format_exception(err)))
             return TransitionCallbackReturn.ERROR
         self.phase = phase
         return TransitionCallbackReturn.SUCCESS

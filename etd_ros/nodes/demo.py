@@ -215,6 +215,7 @@ def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]
 def _use_own_domain() -> None:
     """Keep the demo's traffic on this machine and apart from other ROS processes."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.pop("ROS_DISCOVERY_SERVER", None)
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(SHARED_MEMORY_PROFILE))
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + secrets.randbelow(DOMAIN_ID_MAX)))
 

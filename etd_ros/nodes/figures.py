@@ -30,14 +30,14 @@ class Latencies:
             self._noted.append((now_s, now_s - received_s))
 
     def diagnostics(self) -> dict[str, object]:
-        """Percentiles for /diagnostics (ms); empty text while there is nothing to measure."""
+        """Percentiles for /diagnostics (ms); nan while there is nothing to measure, which plots leave out."""
         latest_s = time.monotonic() - LATENCY_WINDOW_S
         with self._lock:
             while self._noted and self._noted[0][0] < latest_s:
                 self._noted.popleft()
             latencies_ms = [1e3 * latency_s for _, latency_s in self._noted]
         values = np.percentile(latencies_ms, PERCENTILES) if latencies_ms else ()
-        texts = [f"{value:.2f}" for value in values] or [""] * len(PERCENTILES)
+        texts = [f"{value:.2f}" for value in values] or ["nan"] * len(PERCENTILES)
         return {f"latency p{percent} ms": text for percent, text in zip(PERCENTILES, texts, strict=True)}
 
 

@@ -26,7 +26,8 @@ from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
 from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
-from etd_ros.nodes.running import ros_error, start_ros
+from etd_ros.nodes.ros_errors import ros_error, ros_refusals
+from etd_ros.nodes.running import start_ros
 from etd_ros.recordings import RecordedMessage, Recording, open_recording
 from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
 
@@ -106,7 +107,8 @@ class Replay(Node):
     """Publishes one recording. Waiting is interruptible: `stopped` is set when ROS shuts down."""
 
     def __init__(self, recording: Recording, *, rate: float, clock: bool) -> None:
-        super().__init__("replay")
+        with ros_refusals():
+            super().__init__("replay")
         self.stopped = threading.Event()
         self.context.on_shutdown(self.stopped.set)
         self._rate = rate

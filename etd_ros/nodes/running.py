@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 
@@ -13,31 +14,21 @@ from rclpy.signals import SignalHandlerOptions
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.ros_errors import ros_refusals
 
 THREAD_SWITCH_S = 0.0005
 """How long a thread may hold the others up (s): Python's 5 ms would be most of a box's latency."""
-
-
-class RosError(EtdError):
-    """ROS refuses to start."""
 
 
 def start_ros(arguments: list[str] | None) -> None:
     """Start ROS; what stands after --ros-args is checked here.
 
     Raises:
-        RosError: an argument that ROS does not understand, such as a parameter file that is missing.
+        RosError: an argument that ROS does not understand, such as a parameter file that is missing, or security that
+            is asked for and cannot be had.
     """
-    try:
+    with ros_refusals():
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
-    # rclpy's own errors for this have no public name; all of them derive from RuntimeError.
-    except RuntimeError as err:
-        raise ros_error(err) from err
-
-
-def ros_error(err: RuntimeError) -> RosError:
-    """What rclpy says of the arguments, without the places in its sources."""
-    return RosError(f"ROS does not start: {str(err).partition(', at /')[0]}: mend what stands after --ros-args")
 
 
 def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
@@ -66,6 +57,9 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
         return 0
     finally:
+        # Whoever asks twice must not keep the node from leaving in order.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
         # It holds on to what it waits for, and with that to shared memory.
         if executor is not None:
             executor.shutdown()

@@ -94,3 +94,23 @@ def test_in_another_namespace_the_rights_are_those_of_a_profile_of_that_namespac
     )
     assert used(bench.node, "tracker", "/left") == expected
     assert ("subscribe", "/left/accumulator/frames") in expected
+
+
+@pytest.mark.parametrize("name", ["tracker", "replay"])
+@pytest.mark.parametrize("has_enclave", [False, True])
+def test_a_node_that_is_to_be_secure_and_cannot_be_does_not_start(
+    bench, tmp_path, monkeypatch, repository, name, has_enclave
+):
+    """The middleware that pip installs has no security: with keys or without, nothing runs in the open."""
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
+    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", str(tmp_path))
+    if has_enclave:
+        (tmp_path / "enclaves" / "etd_ros" / name).mkdir(parents=True)
+    arguments = (str(repository / "bags" / "demo"),) if name == "replay" else ()
+    process = bench.start(name, *arguments, ros=("--enclave", f"/etd_ros/{name}"))
+    assert process.wait(timeout=60) == 2
+    (line,) = (line for line in bench.log(name).splitlines() if line.startswith("etd_ros:"))
+    assert "ROS_SECURITY_ENABLE=true" in line
+    assert "docs/security.md" in line
+    assert "Traceback" not in bench.log(name)
