@@ -107,8 +107,10 @@ def test_figures_are_possible_ones(rows):
         assert row["unit"] == UNITS[row["what"]]
         assert row["sensor"] == ("" if row["what"] == "other_load" else "240x180")
         assert (row["peer"], row["peer_value"], row["ratio"]) == (None, None, None)
-        if row["what"].startswith(("latency", "start", "overload_latency", "overload_dropped")):
+        if row["what"].startswith(("latency", "start", "overload_latency")):
             assert row["value"] > 0
+        if row["what"] == "overload_dropped":
+            assert 0 <= row["value"] <= 100
         if row["what"] == "overload_iou":
             assert 0 <= row["value"] <= 1
         if row["what"] == "latency_iou":
