@@ -11,6 +11,8 @@ from msg_adapters import decode_detections
 EVENTS = "/event_camera/events"
 REMAP = ("-r", f"~/events:={EVENTS}")
 BY_HAND = ("-p", "autostart:=false")
+SLOW = "0.2"
+"""A pace at which the recording goes on after a pause, on a busy machine, too."""
 
 
 def phase(bench: Bench, node: str) -> str:
@@ -65,7 +67,7 @@ def test_targets_are_kept_over_a_pause(bench, repository):
     )
     truth = repository / "bags" / "demo" / "boxes.csv"
     bench.start("pipeline", ros=(*REMAP, "-p", f"targets_file:={truth}"))
-    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1", "--rate", SLOW)
     bench.wait_until(lambda: {"ball", "drum"} in boxes or {"ball", "drum", "tin"} in boxes, "there are boxes")
     assert bench.change_state("pipeline", "deactivate")
     boxes.clear()
@@ -77,7 +79,7 @@ def test_targets_are_kept_over_a_pause(bench, repository):
 def test_frames_come_again_after_a_pause(bench, repository):
     bench.listen("/accumulator/frames", Image)
     bench.start("accumulator", ros=REMAP)
-    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1", "--rate", SLOW)
     frames = bench.messages["/accumulator/frames"]
     bench.wait_until(lambda: len(frames) > 20, "frames come")
     assert bench.change_state("accumulator", "deactivate")

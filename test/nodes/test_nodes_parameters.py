@@ -13,7 +13,7 @@ def test_the_length_of_frames_changes_while_they_come(bench, repository):
     stamps: list[int] = []
     bench.listen("/accumulator/frames", Image, lambda message: stamps.append(decode_image(message).stamp_ns))
     bench.start("accumulator", ros=(*REMAP, "-p", "conversion:=fixed_window"))
-    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1")
+    bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "1", "--rate", "0.2")
     bench.wait_until(lambda: len(stamps) > 20, "frames come")
     assert stamps[11] - stamps[10] == 9_000_000
     assert bench.set_parameter("accumulator", "fixed_window.window_s", 0.02) == (True, "")
