@@ -46,8 +46,9 @@ SPEED_S = 0.1
 """The usual speed is an average over this time."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
-UNSEEN_S, UNSEEN_SHORT_S = 0.1, 0.02
-"""No frame for so long is a gap, over which motion is not believed; after a short one it is looked for more widely."""
+UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
+"""No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
+the look is a wide one."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
 REMEMBER_NS = 50_000_000
@@ -165,13 +166,13 @@ class ContourTarget:
         unseen_s = (stamp_ns - before_ns) * 1e-9
         is_followed = self._state is TargetState.TRACKING and self._start_up is None
         moved_px = self._contours.speed_px_s * unseen_s
-        if not is_followed or moved_px <= self._contour_config.search_radius:
+        radius_px = self._contour_config.search_radius
+        if not is_followed or moved_px <= radius_px or unseen_s <= UNSEEN_SHORT_S:
             return
-        if unseen_s > UNSEEN_S:
+        self._settling = max(self._settling, 1)
+        if unseen_s > UNSEEN_S and moved_px > UNSEEN_RADII * radius_px:
             self._failing_s = 0.0
             self._fail(stamp_ns, before_ns)
-        elif unseen_s > UNSEEN_SHORT_S:
-            self._settling = max(self._settling, 1)
 
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
