@@ -16,18 +16,12 @@ from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from etd_ros.nodes.connections import EVENT_QOS
 
 # What ROS keeps for itself; it is little.
 LEFT_OUT = ("/rosout", "/parameter_events")
 DISCOVERY_S = 3.0
-QOS = QoSProfile(
-    # Matches every publisher; what is lost on the way here is missing in the table.
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-)
 
 
 @dataclass
@@ -86,7 +80,8 @@ def subscribe(node: Node) -> dict[str, Traffic]:
         package, _, message_name = type_names[0].split("/")
         message_class = getattr(importlib.import_module(f"{package}.msg"), message_name)
         topics[name] = Traffic(type_names[0])
-        node.create_subscription(message_class, name, topics[name].take, QOS, raw=True)
+        # Best effort matches every publisher; what is lost on the way here is missing in the table.
+        node.create_subscription(message_class, name, topics[name].take, EVENT_QOS, raw=True)
     return topics
 
 

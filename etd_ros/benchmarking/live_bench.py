@@ -18,7 +18,6 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from vision_msgs.msg import Detection2DArray
 
@@ -27,7 +26,7 @@ from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, TURN_US, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.boxes import Box
-from etd_ros.nodes.connections import FRAME_QOS
+from etd_ros.nodes.connections import FRAME_QOS, LISTENER_QOS
 from msg_adapters import Detection, decode_detections, decode_diagnostics, encode_detections
 
 NODE = "pipeline"
@@ -44,12 +43,6 @@ PERCENTILES = (50, 99)
 OWN_WINDOW_S = 10.0
 """How far back the node looks for its own percentiles."""
 
-READER_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
-)
 Seconds = npt.NDArray[np.float64]
 Milliseconds = npt.NDArray[np.float64]
 
@@ -180,7 +173,7 @@ class LiveBench:
         self.node, self._executor = self._ros.__enter__()
         self._targets = self.node.create_publisher(Detection2DArray, f"{NODE}/targets", FRAME_QOS)
         self._states = self.node.create_subscription(
-            DiagnosticArray, "/diagnostics", self._take_diagnostics, READER_QOS, raw=True
+            DiagnosticArray, "/diagnostics", self._take_diagnostics, LISTENER_QOS, raw=True
         )
         return self
 
@@ -213,7 +206,9 @@ class LiveBench:
             self.node.destroy_subscription(self._reader)
             self._reader = None
         if topic is not None:
-            self._reader = self.node.create_subscription(Detection2DArray, topic, self._take_box, READER_QOS, raw=True)
+            self._reader = self.node.create_subscription(
+                Detection2DArray, topic, self._take_box, LISTENER_QOS, raw=True
+            )
 
     def start_target(self, box: Box, stamp_ns: int, name: str = TARGET) -> None:
         """Have a target start at a box at a time (ns); a box of size 0 stops it."""

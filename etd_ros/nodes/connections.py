@@ -26,6 +26,14 @@ FRAME_QOS = QoSProfile(
 )
 """For frames, images and boxes: few and each of them matters."""
 
+LISTENER_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=2000,
+)
+"""Deeper than the nodes' own: a recorder on a busy machine falls behind for seconds, and must lose nothing."""
+
 SILENCE_S = 2.0
 """Without a message for longer (s), a node that wants some says so."""
 

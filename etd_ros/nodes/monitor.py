@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticArray
 from event_camera_msgs.msg import EventPacket
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.nodes.connections import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS, LISTENER_QOS
 from etd_ros.nodes.recorded_tracks import DETECTIONS, FRAMES, IMAGES, STATUS
 from etd_ros.recordings.bag_writer import BagWriter
 from msg_adapters import decode_diagnostics
@@ -22,14 +21,6 @@ from msg_adapters import decode_diagnostics
 EVENTS = "/event_camera/events"
 DIAGNOSTICS = "/diagnostics"
 RATE_PERIOD_S = 1.0
-
-RECORDER_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
-)
-"""Deeper than the nodes' own: on a busy machine a recorder falls behind for seconds, and must lose nothing."""
 
 
 @dataclass(slots=True)
@@ -84,7 +75,7 @@ class Monitor(Node):
                 take(message)
 
         return self.create_subscription(
-            message_class, topic, on_message, RECORDER_QOS if reliable else EVENT_QOS, raw=True
+            message_class, topic, on_message, LISTENER_QOS if reliable else EVENT_QOS, raw=True
         )
 
     def _update_rates(self) -> None:

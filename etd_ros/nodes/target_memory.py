@@ -13,8 +13,8 @@ from etd_ros.evaluation import TrackRow, TracksWriter, read_tracks
 from etd_ros.output_files import check_outputs
 from etd_ros.tracking import TargetReport, TargetState
 
-AGE_MAX_NS = 10_000_000_000
-"""A target is not taken back where it was longer ago (ns): it will be somewhere else."""
+AGE_MAX_S = 10.0
+"""A target is not taken back where it was longer ago (s): it will be somewhere else."""
 COAST_S = 0.5
 """Its motion is believed for so long."""
 PACE_NS = 100_000_000
@@ -62,7 +62,7 @@ class TargetMemory:
         """The targets that were there shortly before `stamp_ns` (ns)."""
         with self._lock:
             recalled = [_recalled(rows, stamp_ns) for rows in self._rows.values()]
-        return [target for target in recalled if 0 <= target.age_s <= AGE_MAX_NS * 1e-9]
+        return [target for target in recalled if 0 <= target.age_s <= AGE_MAX_S]
 
     def note(self, stamp_ns: int, reports: Iterable[TargetReport]) -> None:
         """Where the targets are at `stamp_ns`. Those that are not reported any more are forgotten."""
@@ -90,7 +90,7 @@ class TargetMemory:
             targets, self._is_saved = list(self._rows.values()), True
         with TracksWriter(self._path) as writer:
             for rows in targets:
-                for row in (rows[0], rows[-1])[-len(rows) :]:
+                for row in [*rows[:-1][:1], rows[-1]]:
                     writer.write(row)
 
     def _with(self, stamp_ns: int, report: TargetReport) -> list[TrackRow]:

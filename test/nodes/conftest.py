@@ -21,9 +21,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from etd_ros.nodes.connections import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS, LISTENER_QOS
 from msg_adapters import decode_diagnostics
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -31,13 +30,6 @@ os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).resolve().pare
 DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
 TIMEOUT_S = 60.0
 PATIENT = ("-p", "queue_s:=3600.0")
-LISTEN_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
-)
-"""A bench that is late on a busy machine loses nothing of what has reached it."""
 
 
 class Bench:
@@ -84,7 +76,7 @@ class Bench:
         kept = self.messages.setdefault(topic, [])
         self._keep.append(
             self.node.create_subscription(
-                kind, topic, take or kept.append, EVENT_QOS if events else LISTEN_QOS, raw=True
+                kind, topic, take or kept.append, EVENT_QOS if events else LISTENER_QOS, raw=True
             )
         )
 
