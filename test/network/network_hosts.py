@@ -7,7 +7,6 @@ processes are kept to UDP.
 
 from __future__ import annotations
 
-import itertools
 import os
 import shutil
 import signal
@@ -18,8 +17,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ros_domains import fresh_domains
+
 REPOSITORY = Path(__file__).resolve().parents[2]
-DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
+DOMAINS = fresh_domains()
 TIMEOUT_S = 60.0
 INTERFACE = "camera_link"
 DISCOVERY_GROUP = "0100FFEF"

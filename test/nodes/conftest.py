@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -21,13 +20,14 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from ros_domains import clear, fresh_domains
 
 from etd_ros.nodes.connections import EVENT_QOS, LISTENER_QOS
 from msg_adapters import decode_diagnostics
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml")
-DOMAINS = itertools.cycle(range(1 + os.getpid() % 50, 101))
+DOMAINS = fresh_domains()
 TIMEOUT_S = 60.0
 PATIENT = ("-p", "queue_s:=3600.0")
 
@@ -139,6 +139,7 @@ class Bench:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
+        clear(self.domain)
 
     def _take_diagnostics(self, message: bytes) -> None:
         for status in decode_diagnostics(message).statuses:

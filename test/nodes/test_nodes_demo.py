@@ -15,14 +15,12 @@ from pathlib import Path
 import cv2
 import pytest
 from conftest import DOMAINS, TIMEOUT_S
+from ros_domains import SHARED_MEMORY, clear, domain_of
 from rosbags.rosbag2 import Reader
 
 from etd_ros.cli import main
 from etd_ros.evaluation import read_boxes, read_tracks, score
 
-SHARED_MEMORY = Path("/dev/shm")
-FIRST_PORT, DOMAIN_PORTS = 7400, 250
-"""DDS gives each domain its range of ports."""
 RATE = "0.5"
 """Slow enough for a busy machine of two cores to drop nothing, so that the boxes are those of `track`."""
 TOPICS = {
@@ -92,14 +90,14 @@ class Demo:
 
     def _is_own(self, name: str) -> bool:
         """A few ports are shared by all domains, and whoever else uses them now may leave them."""
-        port = re.search(r"port(\d+)", name)
-        return "fastrtps" in name and (port is None or (int(port[1]) - FIRST_PORT) // DOMAIN_PORTS == self.domain)
+        return "fastrtps" in name and domain_of(name) in (None, self.domain)
 
     def close(self) -> None:
         """End the whole session, whatever the demo has done."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        clear(self.domain)
 
 
 def shared_memory_of(process: Path) -> set[str]:
