@@ -1,0 +1,1 @@
+"""Labelled sequences, as their publishers give them or in folders of a user's own."""
