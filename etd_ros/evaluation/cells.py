@@ -41,7 +41,8 @@ class CellResult:
         stamps_ns: the scored labels' times.
         overlaps: IoU at each of them, 0 without a box.
         centre_errors_px: distance between the box's centre and the label's at each of them; infinite without a box.
-        failures: labels at which the system was started again; 0 in `one-pass`.
+        failures: labels that failed, after each of which the system was started again if labels were left; 0 in
+            `one-pass`.
         track: the system's answers, as in TRACKS.csv.
         frames: answers given.
         events: events read from the first start on.

@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from etd_ros.boxes import Box
 from etd_ros.evaluation.table import EvaluationError
 from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
@@ -45,11 +46,29 @@ def score(tracks: Mapping[str, Sequence[TrackRow]], truth: Mapping[str, Sequence
     return {name: _score_target(name, tracks.get(name, ()), truth[name]) for name in sorted(truth)}
 
 
+def boxes_at(track: Sequence[TrackRow], labels: Sequence[TimedBox]) -> list[Box | None]:
+    """The box in the track's last row at or before each label; None without a row, or without a box in it. Both
+    arguments hold rows in order of time."""
+    stamps = [row.stamp_ns for row in track]
+    rows = (bisect_right(stamps, label.stamp_ns) - 1 for label in labels)
+    return [track[row].box if row >= 0 else None for row in rows]
+
+
 def label_overlaps(track: Sequence[TrackRow], labels: Sequence[TimedBox]) -> list[float]:
     """IoU of each label with the track's last row at or before it; 0 without a row, or without a box in it. Both
     arguments hold rows in order of time."""
-    stamps = [row.stamp_ns for row in track]
-    return [_overlap(track, bisect_right(stamps, label.stamp_ns) - 1, label) for label in labels]
+    return [overlap(box, label) for box, label in zip(boxes_at(track, labels), labels, strict=True)]
+
+
+def overlap(box: Box | None, label: TimedBox) -> float:
+    """IoU of a box with a label; 0 without a box."""
+    return 0.0 if box is None else box.iou(label.box)
+
+
+def score_of(overlaps: Sequence[float]) -> Score:
+    """AP and AR of one target from its overlaps at the labelled times, one or more."""
+    n = len(overlaps)
+    return Score(ap=sum(overlaps) / n, ar=sum(value >= SUCCESS_IOU for value in overlaps) / n, n=n)
 
 
 def mean_score(scores: Mapping[str, Score]) -> Score:
@@ -74,11 +93,4 @@ def _score_target(name: str, track: Sequence[TrackRow], truth: Sequence[TimedBox
     if not labels:
         msg = f"target {name!r} has a single label, from which the tracker starts: label it at two times or more"
         raise EvaluationError(msg)
-    overlaps = label_overlaps(track, labels)
-    n = len(overlaps)
-    return Score(ap=sum(overlaps) / n, ar=sum(overlap >= SUCCESS_IOU for overlap in overlaps) / n, n=n)
-
-
-def _overlap(track: Sequence[TrackRow], last: int, label: TimedBox) -> float:
-    box = track[last].box if last >= 0 else None
-    return 0.0 if box is None else box.iou(label.box)
+    return score_of(label_overlaps(track, labels))
