@@ -1,0 +1,115 @@
+"""A sequence's labels: where they lie, which of its recordings they belong to, and whether they can be true."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
+from pathlib import Path
+
+from etd_ros.boxes import BoxError
+from etd_ros.datasets.box_columns import read_columns
+from etd_ros.datasets.box_text import read_box_text
+from etd_ros.datasets.interface import DatasetError
+from etd_ros.datasets.sequences import FoundSequence
+from etd_ros.datasets.spans import Span, span_of
+from etd_ros.evaluation.truth import TimedBox, read_boxes
+from etd_ros.recordings import open_recording
+
+CSV_NAME = "boxes.csv"
+BOX_TEXT_NAME = "boundingbox.txt"
+"""EED's name."""
+
+Boxes = Mapping[str, Sequence[TimedBox]]
+
+
+def labels_of(
+    sequence: FoundSequence, *, box_text: bool = False, columns: str | None = None
+) -> tuple[Path, Boxes] | None:
+    """The recording and each target's labels; None where there are none.
+
+    Labels are read from `NAME.boxes.csv` beside the recording or `boxes.csv` in its folder, or else, if wanted, from
+    EED's boundingbox.txt. Of a sequence in several containers, the first on whose clock the labels are is taken.
+
+    Args:
+        sequence: the sequence.
+        box_text: whether a boundingbox.txt counts.
+        columns: what its columns are, see `read_columns`.
+
+    Raises:
+        DatasetError: two label files, or labels that do not fit the recording.
+        EvaluationError: a line of the CSV is wrong.
+        RecordingError: the recording cannot be opened.
+    """
+    csv = _only(sequence.companions(CSV_NAME))
+    if csv is not None:
+        return _labels_from_csv(csv, sequence)
+    text = _only(sequence.companions(BOX_TEXT_NAME)) if box_text else None
+    return None if text is None else _labels_from_text(text, sequence, columns)
+
+
+def _only(files: Sequence[Path]) -> Path | None:
+    if len(files) > 1:
+        msg = f"{files[0]} and {files[1]} label the same sequence: remove one"
+        raise DatasetError(msg)
+    return files[0] if files else None
+
+
+def _labels_from_csv(csv: Path, sequence: FoundSequence) -> tuple[Path, Boxes]:
+    boxes = read_boxes(csv)
+    stamps = [label.stamp_ns for labels in boxes.values() for label in labels]
+    spans = [span_of(recording) for recording in sequence.recordings]
+    span = next((span for span in spans if span.holds(min(stamps)) and span.holds(max(stamps))), None)
+    if span is None:
+        msg = (
+            f"{csv}: its labels, {min(stamps)} to {max(stamps)} ns, are not on the clock of {spans[0]}: give stamps as "
+            "the recording's events have them"
+        )
+        raise DatasetError(msg)
+    check_labels(csv, boxes, span)
+    return span.recording, boxes
+
+
+def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) -> tuple[Path, Boxes]:
+    text = read_box_text(path)
+    misfits = []
+    for recording in sequence.recordings:
+        span = span_of(recording)
+        try:
+            boxes = read_columns(text, span, cache(partial(_image_stamps, recording)), columns)
+        except DatasetError as err:
+            misfits.append(err)
+            continue
+        check_labels(path, boxes, span)
+        return recording, boxes
+    raise misfits[0]
+
+
+def check_labels(path: Path, boxes: Boxes, span: Span) -> None:
+    """Refuse labels from which nothing can be tracked or scored.
+
+    Raises:
+        DatasetError: a target with a single label or with two at one time, or a box off the sensor.
+    """
+    for name, labels in boxes.items():
+        if len(labels) < 2:
+            msg = (
+                f"{path}: target {name!r} has a single label, from which tracking starts: label it at two times or more"
+            )
+            raise DatasetError(msg)
+        for before, after in itertools.pairwise(labels):
+            if before.stamp_ns == after.stamp_ns:
+                msg = f"{path}: two labels of {name!r} at {after.stamp_ns} ns: remove one"
+                raise DatasetError(msg)
+        for label in labels:
+            try:
+                label.box.check(span.width, span.height, f"{name!r} at {label.stamp_ns} ns")
+            except BoxError as err:
+                msg = f"{path}: {err}"
+                raise DatasetError(msg) from err
+
+
+def _image_stamps(recording: Path) -> list[int]:
+    """Stamps of the video frames (ns)."""
+    with open_recording(recording) as opened:
+        return [image.stamp_ns for image in opened.images()]
