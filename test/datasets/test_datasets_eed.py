@@ -134,6 +134,7 @@ def test_named_columns_are_checked(columns, message):
         read(["0.1 1 1 20 20"], columns)
 
 
+@settings(deadline=None)
 @given(
     numbers=st.lists(st.integers(0, FRAMES - 1), min_size=4, max_size=FRAMES, unique=True).map(sorted),
     start=st.tuples(st.floats(70, 90), st.floats(70, 90)),
@@ -153,7 +154,7 @@ def test_boxes_of_a_moving_object_are_read_back_or_called_ambiguous(numbers, sta
     assert [tuple(label.box) for label in labels] == [pytest.approx(boxes[number]) for number in numbers]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=st.one_of(st.binary(max_size=200), st.text("0123456789.-+eEinfa, \t\n#", max_size=200)))
 def test_any_content_is_read_or_refused_in_one_line(tmp_path, content):
     path = tmp_path / "boundingbox.txt"
