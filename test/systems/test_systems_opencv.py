@@ -1,0 +1,64 @@
+"""KCF and TLD."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import system_recordings as simulated
+
+from etd_ros.boxes import Box
+from etd_ros.settings import Settings
+from etd_ros.simulation.textures import blobs, smooth_noise
+from etd_ros.systems.interface import CompareError
+from etd_ros.systems.opencv_trackers import kcf_maker, tld_maker
+
+MAKERS = {"KCF": kcf_maker, "TLD": tld_maker}
+LEAST_IOU = {"KCF": 0.95, "TLD": 0.6}
+
+
+def picture(x: int, y: int) -> np.ndarray:
+    """A 30x26 thing at (x, y) before a smooth wall."""
+    wall = 0.5 + 0.1 * smooth_noise(np.random.default_rng(1), 100, 140, grain=5.0)
+    wall[y : y + 26, x : x + 30] = blobs(np.random.default_rng(2), 26, 30)
+    return (wall * 255).clip(0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_patch_that_is_shifted_by_some_pixels_is_found_there(name):
+    tracker = MAKERS[name](Settings(), 0)()
+    tracker.start(picture(40, 30), Box(40, 30, 30, 26))
+    for step in range(1, 8):
+        answer = tracker.update(picture(40 + 3 * step, 30 + step))
+        assert answer.box is not None
+        assert answer.box.iou(Box(40 + 3 * step, 30 + step, 30, 26)) > LEAST_IOU[name]
+        assert np.isnan(answer.score)
+
+
+def test_kcf_says_that_it_has_lost_a_target_that_is_gone():
+    tracker = kcf_maker(Settings(), 0)()
+    tracker.start(picture(40, 30), Box(40, 30, 30, 26))
+    noise = np.random.default_rng(1).integers(0, 255, (100, 140), np.uint8)
+    assert tracker.update(noise).box is None
+
+
+@pytest.mark.parametrize(("name", "least"), [("kcf", 0.7), ("kcf-reconstruction", 0.55), ("tld", 0.4)])
+def test_simulated_targets_are_followed(name, least):
+    overlaps = simulated.mean_iou(simulated.tracks_of(name, [simulated.start("left"), simulated.start("right")]))
+    assert min(overlaps.values()) > least
+
+
+def test_tld_follows_from_its_seed_whatever_ran_before():
+    starts = [simulated.start("left")]
+    first, other, again = (
+        [row.box for row in simulated.tracks_of("tld", starts, seed=seed)["left"]] for seed in (0, 1, 0)
+    )
+    assert first == again
+    assert first != other
+
+
+@pytest.mark.parametrize(("name", "owner", "class_name"), [("KCF", cv2, "TrackerKCF"), ("TLD", cv2, "legacy")])
+def test_an_opencv_without_contrib_modules_is_answered_with_what_to_install(monkeypatch, name, owner, class_name):
+    monkeypatch.delattr(owner, class_name)
+    with pytest.raises(CompareError, match=f"{name}: OpenCV .*opencv-contrib-python-headless"):
+        MAKERS[name](Settings(), 0)
