@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from etd_ros.settings import Settings
+from etd_ros.systems.event_clusters import e_ms_maker
 from etd_ros.systems.interface import CompareError, EventTracker, PictureTracker
 from etd_ros.systems.opencv_trackers import kcf_maker, tld_maker
 from etd_ros.tracking import METHODS
@@ -73,6 +74,12 @@ SYSTEMS: dict[str, System] = {
             feed="reconstruction",
             is_random=True,
             maker=tld_maker,
+        ),
+        EventSystem(
+            name="e-ms",
+            description="E-MS (Barranco 2018): mean-shift clusters of events and a Kalman filter",
+            feed="events",
+            maker=e_ms_maker,
         ),
     )
 }

@@ -21,9 +21,10 @@ from etd_ros.tracking import METHODS, TargetState
 
 SLOW = "tld-reconstruction"
 """Each of its parts is tested with another system."""
-COMPARED = [name for name in SYSTEMS if name not in METHODS and name != SLOW]
+TESTED = [name for name in SYSTEMS if name != SLOW]
+COMPARED = [name for name in TESTED if name not in METHODS]
 VIDEO = [name for name, system in SYSTEMS.items() if system.feed == "video"]
-OF_EVENTS = [name for name in COMPARED if name not in VIDEO and name != SLOW]
+OF_EVENTS = [name for name in COMPARED if name not in VIDEO]
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -41,7 +42,7 @@ def test_targets_are_idle_before_their_start_and_tracked_from_it_on(name):
         assert next(report for report in reports if report.state is not TargetState.IDLE).box is not None
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", TESTED)
 def test_every_step_shows_what_the_system_saw_and_what_it_took(name):
     sizes = {(simulated.HEIGHT, simulated.WIDTH), (simulated.HEIGHT, simulated.WIDTH, 2)}
     for step in run_system(name, simulated.recording(), [simulated.start("left")]):
@@ -68,7 +69,10 @@ def test_targets_that_are_run_together_get_the_boxes_that_each_gets_alone(name):
     together = simulated.tracks_of(name, starts)
     for target in starts:
         alone = simulated.tracks_of(name, [target])[target.name]
-        assert [row.box for row in together[target.name]] == [row.box for row in alone]
+        # A system that answers when it likes takes no steps before its first target has started.
+        started = [[row.box for row in rows if row.state != "idle"] for rows in (together[target.name], alone)]
+        assert started[0] == started[1]
+        assert any(started[0])
 
 
 @pytest.mark.parametrize("name", COMPARED)
@@ -86,7 +90,7 @@ def test_boxes_do_not_depend_on_what_comes_later(name):
         assert [report.box for report in step.reports] == [report.box for report in expected.reports]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", TESTED)
 def test_a_run_from_the_middle_is_given_nothing_from_before(name):
     from_ns = simulated.stamp_ns(0.2)
     starts = [simulated.start("left", 0.25)]
@@ -98,7 +102,7 @@ def test_a_run_from_the_middle_is_given_nothing_from_before(name):
     assert [step.reports for step in steps] == [step.reports for step in alone]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", TESTED)
 def test_recordings_that_are_not_in_memory_start_in_the_middle_too(name):
     class Streamed:
         width, height = simulated.WIDTH, simulated.HEIGHT
@@ -194,7 +198,7 @@ def test_streams_that_end_are_refused_in_one_line(name, change):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", TESTED)
 @pytest.mark.parametrize(
     ("starts", "error"),
     [
