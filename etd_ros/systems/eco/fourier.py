@@ -8,6 +8,8 @@ their sums are taken on the largest one (C-COT: Danelljan et al., ECCV 2016, Sec
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
@@ -90,7 +92,7 @@ def cropped(spectrum: Spectrum, highest: int) -> Spectrum:
     return np.ascontiguousarray(spectrum[..., middle - highest : middle + highest + 1, : highest + 1])
 
 
-def inner(a: npt.NDArray[np.generic], b: npt.NDArray[np.generic]) -> float:
+def inner(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> float:
     """Inner product: of two spectra the integral of their functions' product over the search area (Parseval), of two
     real arrays the sum of their products."""
     if not np.iscomplexobj(a):

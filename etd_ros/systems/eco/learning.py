@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
+from numba import njit
 
 from etd_ros.systems.eco.config import EcoConfig
 from etd_ros.systems.eco.conjugate_gradient import Momentum, Vector, solve
-from etd_ros.systems.eco.features import Projections, project
+from etd_ros.systems.eco.features import Projections, project_all
 from etd_ros.systems.eco.fourier import FloatArray, Spectra, Spectrum, cropped
 from etd_ros.systems.eco.samples import SampleSpace, correlate_samples, filter_samples
 from etd_ros.systems.eco.window import PenaltyWindow
@@ -67,7 +69,7 @@ class JointSystem:
         self._label = label.astype(np.complex64)
         self._window = window
         self._penalty = np.float32(config.projection_penalty)
-        projected = project(sample, projections)
+        projected = project_all(sample, projections)
         self._projected = [part[None] for part in projected]
         self._diagonal = _diagonal(sample_energy(projected), window, config)
         channels = sum(len(part) for part in sample)
@@ -77,7 +79,7 @@ class JointSystem:
     def apply(self, x: Vector) -> Vector:
         number = len(self._sample)
         filters, changes = x[:number], x[number:]
-        change_samples = [part[None] for part in project(self._sample, changes)]
+        change_samples = [part[None] for part in project_all(self._sample, changes)]
         score = filter_samples(self._projected, filters) + filter_samples(change_samples, self._filters)
         of_changes = [
             gradient + self._penalty * change
@@ -102,12 +104,29 @@ class JointSystem:
         """For each channel z_c and filter g_d the inner product of their product with a score."""
         gradients = []
         for sample, filters in zip(self._sample, self._filters, strict=True):
-            weighted = filters * np.conj(cropped(score, sample.shape[-1] - 1))
+            products = filters * np.conj(cropped(score, sample.shape[-1] - 1))
             # Columns of positive frequency stand for those of negative frequency, too.
-            weighted[..., 1:] *= 2
-            products = sample.reshape(len(sample), -1) @ weighted.reshape(len(weighted), -1).T
-            gradients.append(np.ascontiguousarray(products.real, np.float32))
+            products[..., 1:] *= 2
+            gradient = np.zeros((len(sample), len(filters)), np.float32)
+            _add_real_products(sample, products, gradient)
+            gradients.append(gradient)
         return gradients
+
+
+@njit(cache=True, nogil=True)
+def _add_real_products(
+    channels: npt.NDArray[np.complex64], others: npt.NDArray[np.complex64], sums: npt.NDArray[np.float32]
+) -> None:
+    """Add the real part of the sum of products of each of the channels with each of the others."""
+    _, rows, columns = channels.shape
+    for c in range(len(channels)):
+        for d in range(len(others)):
+            total = 0.0
+            for r in range(rows):
+                for k in range(columns):
+                    a, b = channels[c, r, k], others[d, r, k]
+                    total += a.real * b.real - a.imag * b.imag
+            sums[c, d] += total
 
 
 def learn_first(

@@ -8,7 +8,7 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.systems.eco.config import EcoConfig
-from etd_ros.systems.eco.features import Features, project
+from etd_ros.systems.eco.features import Features, project, project_all
 from etd_ros.systems.eco.fourier import Spectra, label_spectrum, shifted
 from etd_ros.systems.eco.learning import FilterLearner, learn_first, sample_energy
 from etd_ros.systems.eco.localisation import find_peak
@@ -90,7 +90,7 @@ class _Follower:
         directions = self._features.principal_directions(maps)
         spectra = self._features.spectra(maps)
         filters, self._projections = learn_first(spectra, directions, label, window, config)
-        sample = project(spectra, self._projections)
+        sample = project_all(spectra, self._projections)
         self._space = SampleSpace(config.samples_max, config.learning_rate)
         self._space.add(sample)
         self._energy = sample_energy(sample)
@@ -101,7 +101,8 @@ class _Follower:
     def follow(self, pyramid: Pyramid) -> Answer:
         """Find the target in the next picture and learn from it."""
         maps = self._features.maps(pyramid, self._center, self._scale)
-        sample = self._features.spectra(project(maps, self._projections))
+        projected = [project(part, projection) for part, projection in zip(maps, self._projections, strict=True)]
+        sample = self._features.spectra(projected)
         peak = find_peak(
             filter_samples([part[None] for part in sample], self._learner.filters)[0], self._config.newton_steps
         )
