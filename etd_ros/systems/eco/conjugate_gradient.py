@@ -59,8 +59,7 @@ def solve(
     """
     x = [part.copy() for part in start]
     residual = _added(system.right_side(), system.apply(x), -1)
-    if momentum is not None:
-        momentum = Momentum(momentum.direction, momentum.residual, momentum.squared / forget)
+    kept = forget
     for _ in range(iterations):
         steepest = system.precondition(residual)
         squared = _inner(residual, steepest)
@@ -69,14 +68,14 @@ def solve(
         direction = steepest
         if momentum is not None:
             beta = (squared - _inner(momentum.residual, steepest)) / momentum.squared
-            direction = _added(steepest, momentum.direction, max(beta, 0))
+            direction = _added(steepest, momentum.direction, kept * max(beta, 0))
         image = system.apply(direction)
         curvature = _inner(direction, image)
         if curvature <= 0:
             break
         length = squared / curvature
         x = _added(x, direction, length)
-        momentum = Momentum(direction, residual, squared)
+        momentum, kept = Momentum(direction, residual, squared), 1.0
         residual = _added(residual, image, -length)
     return x, momentum
 
