@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -70,7 +71,8 @@ def draw_overlay(
     Where the reports say how a target was looked for, the search region of one that is being recovered is dashed.
 
     Args:
-        frame_data: uint8, shape (h, w, 2), channels On and Off.
+        frame_data: a frame, uint8, shape (h, w, 2), channels On and Off; or a picture, uint8, shape (h, w) grey or
+            (h, w, 3) blue, green, red.
         reports: the targets; those without a box appear in the bar below only.
         image: the intensity image to show beside the events, uint8, shape (h, w).
         stamp_ns: the time to write below (ns).
@@ -87,9 +89,9 @@ def draw_overlay(
     """
     _check(frame_data, image, scale)
     reports = tuple(reports)
-    panels = [colour_events(frame_data)]
+    panels = [_in_colour(frame_data)]
     if image is not None:
-        panels.append(np.repeat(image[:, :, None], 3, axis=2))
+        panels.append(_in_colour(image))
     scale = scale or _default_scale(frame_data.shape[1], len(panels))
     drawn = np.hstack(
         [
@@ -163,8 +165,12 @@ class VideoWriter:
 
 
 def _check(frame_data: npt.NDArray[np.uint8], image: npt.NDArray[np.uint8] | None, scale: float | None) -> None:
-    if frame_data.dtype != np.uint8 or frame_data.ndim != 3 or frame_data.shape[2] != 2 or not frame_data.size:
-        msg = f"an overlay needs a frame, uint8 of shape (h, w, 2), not {frame_data.dtype} {frame_data.shape}"
+    is_drawable = frame_data.ndim == 2 or (frame_data.ndim == 3 and frame_data.shape[2] in (2, 3))
+    if frame_data.dtype != np.uint8 or not is_drawable or not frame_data.size:
+        msg = (
+            "an overlay needs a frame, uint8 of shape (h, w, 2), or a picture, (h, w) or (h, w, 3), "
+            f"not {frame_data.dtype} {frame_data.shape}"
+        )
         raise OverlayError(msg)
     if image is not None and (image.dtype != np.uint8 or image.shape != frame_data.shape[:2]):
         msg = f"an overlay needs an image, uint8 of shape {frame_data.shape[:2]}, not {image.dtype} {image.shape}"
@@ -188,6 +194,13 @@ def colour_events(frame_data: npt.NDArray[np.uint8]) -> Picture:
     # Where both polarities fired, the later one shows.
     cv2.copyTo(cv2.LUT(levels, _shades(OFF)), cv2.compare(off, on, cv2.CMP_GT), picture)
     return np.asarray(picture, np.uint8)
+
+
+def _in_colour(pixels: npt.NDArray[np.uint8]) -> Picture:
+    """A frame, a grey picture or one in colour as a picture in colour."""
+    if pixels.ndim == 2:
+        return np.repeat(pixels[:, :, None], 3, axis=2)
+    return colour_events(pixels) if pixels.shape[2] == 2 else pixels
 
 
 def _shades(colour: Colour) -> Picture:
@@ -320,7 +333,7 @@ def _bar(width: int, reports: Sequence[TargetReport], stamp_ns: int | None) -> P
     bar = np.full((BAR_HEIGHT, width, 3), GROUND, np.uint8)
     words = [] if stamp_ns is None else [(f"{stamp_ns // 10**9}.{stamp_ns % 10**9 // 10**6:03d} s", TEXT)]
     for report in reports:
-        score = "" if report.box is None else f" {report.score:.2f}"
+        score = "" if report.box is None or math.isnan(report.score) else f" {report.score:.2f}"
         words.append((f"{report.name} {report.state.value}{score}", STATE_COLOURS[report.state]))
     x = BAR_MARGIN
     for index, (text, colour) in enumerate(words):

@@ -101,9 +101,15 @@ class TrackingVideo:
         while self._due_ns < stamp_ns:
             self._write()
         self._history.take(stamp_ns, reports)
-        self._afterglow.take(stamp_ns, frame_data)
+        self._take(stamp_ns, frame_data)
         self._newest = _Shown(stamp_ns, frame_data.shape[1], reports, image)
         self._picture = None
+
+    def _take(self, stamp_ns: int, pixels: npt.NDArray[np.uint8]) -> None:
+        """Frames fade, pictures take the place of the last one."""
+        if pixels.ndim != 3 or pixels.shape[2] != 2:
+            self._afterglow = Afterglow()
+        self._afterglow.take(stamp_ns, pixels)
 
     def finish(self) -> None:
         """Show the newest frame, if a picture is due by its time."""

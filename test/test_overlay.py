@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -53,6 +55,24 @@ def test_events_have_their_polaritys_colour_and_fade_as_they_decay():
     assert tuple(picture[30, 40]) == OFF
     assert tuple(picture[0, 0]) == GROUND
     assert sum(GROUND) < picture[50, 60].sum() < sum(ON)
+
+
+def test_pictures_are_shown_as_they_are_in_grey_and_in_colour():
+    colour = np.random.default_rng(1).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
+    for picture, expected in ((colour, colour), (colour[..., 0], np.repeat(colour[..., :1], 3, axis=2))):
+        before = picture.copy()
+        drawn = draw_overlay(picture, [], scale=1)
+        np.testing.assert_array_equal(drawn[:HEIGHT], expected)
+        draw_overlay(picture, [report()], scale=1)
+        np.testing.assert_array_equal(picture, before)
+
+
+def test_a_score_that_a_system_does_not_give_is_left_out():
+    unsure = dataclasses.replace(report(), score=float("nan"))
+    bars = [draw_overlay(frame(), [shown], scale=2)[-BAR_HEIGHT:] for shown in (unsure, report())]
+    assert (bars[0] != GROUND).any(axis=(0, 2)).nonzero()[0].max() < (bars[1] != GROUND).any(axis=(0, 2)).nonzero()[
+        0
+    ].max()
 
 
 def test_of_two_polarities_at_a_pixel_the_later_one_shows():

@@ -138,3 +138,12 @@ def test_pictures_are_about_as_wide_for_every_sensor(tmp_path, size):
         video.add(0, np.zeros((size[1], size[0], 2), np.uint8), (), np.zeros(size[::-1], np.uint8))
     width = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_WIDTH)
     assert 1280 <= width <= 1440
+
+
+def test_pictures_replace_one_another_where_frames_fade(tmp_path):
+    with tracking_video(tmp_path / "out.mp4") as video:
+        for stamp_ms, level in ((0, 250), (32, 250), (33, 60), (34, 0)):
+            video.add(START_NS + stamp_ms * MS, grey(level), ())
+    capture = cv2.VideoCapture(str(tmp_path / "out.mp4"))
+    levels = [float(capture.read()[1][100:300, 300:600].mean()) for _ in range(2)]
+    assert levels == pytest.approx([250, 60], abs=6)

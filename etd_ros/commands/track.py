@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
-from etd_ros.engine import track as track_streams
+from etd_ros.commands.tracking_steps import compared_steps, engine_steps
 from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
 from etd_ros.output_files import check_outputs, write_beside
@@ -23,8 +22,10 @@ from etd_ros.plots import check_matplotlib, overlap_png
 from etd_ros.recordings import open_recording
 from etd_ros.rerun_log import SPAWN, check_rerun, rerun_log
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
+from etd_ros.systems.interface import CompareError
+from etd_ros.systems.registry import SYSTEMS, system_named
 from etd_ros.targets import TargetError, parse_click, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
+from etd_ros.tracking import DEFAULT_METHOD
 from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
 Truth = Mapping[str, Sequence[TimedBox]]
@@ -43,7 +44,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     )
     parser.add_argument("--auto", action="store_true", help="moving objects become targets auto_1, auto_2, ...")
     parser.add_argument("--output", type=Path, required=True, metavar="TRACKS.csv", help="where the boxes go")
-    parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(METHODS)} (default: %(default)s)")
+    parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(SYSTEMS)} (default: %(default)s)")
     parser.add_argument(
         "--video",
         type=Path,
@@ -78,7 +79,9 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 def run(options: argparse.Namespace) -> int:
     """Track, write the tracks (and the video, the plot and the log)."""
-    method_named(options.method)
+    is_engines = system_named(options.method).feed == "engine"
+    if not is_engines:
+        _check_compared(options)
     check_outputs(options.output, options.video, options.plot)
     if options.rerun is not None:
         check_rerun(options.rerun)
@@ -105,33 +108,52 @@ def run(options: argparse.Namespace) -> int:
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(_video(options, truth)) if options.video else None
         log = stack.enter_context(rerun_log(options.rerun)) if options.rerun is not None else None
-        batches = stack.enter_context(with_progress(recording.streams(settings.stream), "tracking"))
         # Its thread ends before the recording that it reads is closed.
         steps = stack.enter_context(
-            closing(
-                track_streams(
-                    batches,
-                    targets,
-                    clicks=clicks,
-                    auto=options.auto,
-                    method=options.method,
-                    settings=settings,
-                    searches=video is not None,
-                )
+            engine_steps(
+                recording,
+                targets,
+                clicks,
+                auto=options.auto,
+                method=options.method,
+                settings=settings,
+                searches=video is not None,
             )
+            if is_engines
+            else compared_steps(recording, targets, options.method, settings)
         )
         for step in steps:
-            tracks.write_reports(step.frame.stamp_ns, step.reports)
+            tracks.write_reports(step.stamp_ns, step.reports)
             for notice in step.notices:
                 print(notice, file=sys.stderr)
             if video is not None:
-                video.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image)
+                video.add(step.stamp_ns, step.picture, step.reports, step.image)
             if log is not None:
-                log.add(step.frame.stamp_ns, step.frame.data, step.reports, step.image, step.frame.nzge)
+                log.add(step.stamp_ns, step.picture, step.reports, step.image, step.nzge)
     if plotted is not None:
         of_targets = overlaps(read_tracks(options.output), plotted)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
     return 0
+
+
+def _check_compared(options: argparse.Namespace) -> None:
+    """Refuse what only the engine's methods offer.
+
+    Raises:
+        CompareError: an option asks for it.
+    """
+    asked = [("--auto", options.auto), ("--click", options.click)]
+    if any(is_asked for _, is_asked in asked):
+        names = " and ".join(name for name, is_asked in asked if is_asked)
+        msg = f"system {options.method!r} starts from boxes only: give --targets or --target instead of {names}"
+        raise CompareError(msg)
+    asked = [("--proposals", options.proposals), ("--rerun", options.rerun is not None)]
+    for name, is_asked in asked:
+        if is_asked:
+            msg = (
+                f"system {options.method!r} has nothing to show for {name}: leave it out, or choose one of our methods"
+            )
+            raise CompareError(msg)
 
 
 def _video(options: argparse.Namespace, truth: Truth | None) -> AbstractContextManager[TrackingVideo]:
