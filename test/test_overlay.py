@@ -255,7 +255,7 @@ def test_the_arguments_are_left_as_they_are():
 @pytest.mark.parametrize(
     ("data", "options", "words"),
     [
-        (np.zeros((4, 4), np.uint8), {}, "needs a frame"),
+        (np.zeros((4, 4, 4), np.uint8), {}, "needs a frame"),
         (np.zeros((4, 4, 2), np.float32), {}, "needs a frame"),
         (np.zeros((0, 4, 2), np.uint8), {}, "needs a frame"),
         (np.zeros((4, 4, 2), np.uint8), {"image": np.zeros((4, 5), np.uint8)}, "needs an image"),
