@@ -1,4 +1,4 @@
-"""`train`: the weights of the compact recovery network, from simulated sequences alone."""
+"""`train`: the weights of the compact recovery network, or of the small SiamFC, from simulated sequences alone."""
 
 from __future__ import annotations
 
@@ -16,14 +16,22 @@ from etd_ros.recovery.making import missing_libraries
 from etd_ros.recovery.training.config import TrainingConfig
 
 DEVICES = ("cpu", "cuda")
+NETWORKS = ("compact", "siamfc")
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("train", help="train the network that finds lost targets", description=__doc__)
+    parser = subparsers.add_parser(
+        "train", help="train the network that finds lost targets, or SiamFC", description=__doc__
+    )
     parser.add_argument(
         "--output", type=Path, required=True, help="folder of weights, checkpoint and log (compact.safetensors, ...)"
     )
+    parser.add_argument(
+        "--network", choices=NETWORKS, default=NETWORKS[0],
+        help="compact: finds lost targets on reconstructed images; siamfc: follows targets on video frames "
+        "(default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--cache", type=Path, required=True, help="folder of the simulated sequences; kept for later")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="where to train (default: %(default)s)")
@@ -52,13 +60,24 @@ def run(options: argparse.Namespace) -> int:
         msg = f"train needs {' and '.join(missing)}: pip install {' '.join(missing)}"
         raise RecoveryError(msg)
     # torch takes seconds to import, which no other command should wait for.
+    from etd_ros.recovery.training.compact_lesson import CompactLesson
     from etd_ros.recovery.training.loop import Progress, Training, prepare
-    from etd_ros.recovery.training.sequences import SequenceCache
+    from etd_ros.recovery.training.sequences import RECONSTRUCTED, SequenceCache
+    from etd_ros.recovery.training.siamfc_lesson import SiamFcLesson
+    from etd_ros.recovery.training.video import VIDEO
 
     config = TrainingConfig(**{name: getattr(options, name) for name, _, _ in described(TrainingConfig)})
     prepare(options.device, options.threads, options.minutes)
+    make_lesson, pictures = {"compact": (CompactLesson, RECONSTRUCTED), "siamfc": (SiamFcLesson, VIDEO)}[
+        options.network
+    ]
     training = Training(
-        config, SequenceCache(options.cache), options.output, device=options.device, minutes=options.minutes
+        config,
+        SequenceCache(options.cache, pictures),
+        options.output,
+        make_lesson=make_lesson,
+        device=options.device,
+        minutes=options.minutes,
     )
     if options.resume:
         training.resume()
@@ -71,8 +90,7 @@ def run(options: argparse.Namespace) -> int:
             text = f"step {progress.step}, loss {progress.loss:.3f}"
             bar.update(task, description=text, completed=progress.share)
             if progress.figures is not None:
-                found, recall = progress.figures.found, progress.figures.recall
-                console.print(f"{text}; validation: found {found:.3f}, at 1 % false alarms {recall:.3f}")
+                console.print(f"{text}; validation: {progress.figures.told()}")
 
         training.run(show)
     return 0

@@ -10,12 +10,14 @@ from typing import Any
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
+from torch import nn
 
 from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.interface import RecoveryError
+from etd_ros.recovery.siamfc import SMALL, SiamFc
 
-SHIPPED = Path(__file__).parent / "weights" / "compact.safetensors"
-NETWORK = "etd_ros compact 1"
+SHIPPED, SHIPPED_SIAMFC = (Path(__file__).parent / "weights" / f"{name}.safetensors" for name in ("compact", "siamfc"))
+COMPACT, SMALL_SIAMFC = "etd_ros compact 1", "etd_ros siamfc 1"
 """In a file's metadata: another layout of layers gets another number."""
 
 PICKLES_SAFE_FROM = "2.6"
@@ -41,8 +43,12 @@ def load_pickle(path: Path, device: torch.device | str = "cpu") -> Any:
 
 def save_compact(network: Compact, path: Path, about: Mapping[str, str]) -> None:
     """Write the weights; `about` goes into the file's metadata."""
-    state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    path.write_bytes(save(state, {"network": NETWORK, **about}))
+    _save(network, COMPACT, path, about)
+
+
+def save_small_siamfc(network: SiamFc, path: Path, about: Mapping[str, str]) -> None:
+    """Write the weights of a small SiamFC; `about` goes into the file's metadata."""
+    _save(network, SMALL_SIAMFC, path, about)
 
 
 def load_compact(path: Path = SHIPPED) -> Compact:
@@ -52,22 +58,43 @@ def load_compact(path: Path = SHIPPED) -> Compact:
         RecoveryError: no readable safetensors file, or not of this network.
     """
     network = Compact()
+    _load(network, COMPACT, path)
+    return network.eval()
+
+
+def load_small_siamfc(path: Path = SHIPPED_SIAMFC) -> SiamFc:
+    """The small SiamFC with the weights of a file, for inference.
+
+    Raises:
+        RecoveryError: no readable safetensors file, or not of this network.
+    """
+    network = SiamFc(SMALL)
+    _load(network, SMALL_SIAMFC, path)
+    return network.eval()
+
+
+def _save(network: nn.Module, name: str, path: Path, about: Mapping[str, str]) -> None:
+    state = {key: tensor.detach().cpu().contiguous() for key, tensor in network.state_dict().items()}
+    path.write_bytes(save(state, {"network": name, **about}))
+
+
+def _load(network: nn.Module, name: str, path: Path) -> None:
     expected = network.state_dict()
     try:
         with safe_open(path, framework="pt") as file:
-            if (file.metadata() or {}).get("network") != NETWORK or set(file.keys()) != set(expected):
-                msg = f"{path}: weights of another network than {NETWORK!r}; train it anew with this version"
+            if (file.metadata() or {}).get("network") != name or set(file.keys()) != set(expected):
+                msg = f"{path}: weights of another network than {name!r}; train it anew with this version"
                 raise RecoveryError(msg)
             # Shapes are read from the header, before anything is allocated for them.
-            for name, tensor in expected.items():
-                shape = file.get_slice(name).get_shape()
+            for key, tensor in expected.items():
+                shape = file.get_slice(key).get_shape()
                 if list(shape) != list(tensor.shape):
-                    msg = f"{path}: {name} has the shape {shape}, not {list(tensor.shape)}: train the network anew"
+                    msg = f"{path}: {key} has the shape {shape}, not {list(tensor.shape)}: train the network anew"
                     raise RecoveryError(msg)
-            state = {name: file.get_tensor(name) for name in expected}
-            for name, tensor in expected.items():
-                if state[name].dtype != tensor.dtype:
-                    msg = f"{path}: {name} is {state[name].dtype}, not {tensor.dtype}: train the network anew"
+            state = {key: file.get_tensor(key) for key in expected}
+            for key, tensor in expected.items():
+                if state[key].dtype != tensor.dtype:
+                    msg = f"{path}: {key} is {state[key].dtype}, not {tensor.dtype}: train the network anew"
                     raise RecoveryError(msg)
     except (OSError, SafetensorError) as err:
         msg = f"{path}: no readable safetensors file ({' '.join(str(err).split())[:80]}); name one made by `train`"
@@ -76,4 +103,3 @@ def load_compact(path: Path = SHIPPED) -> Compact:
         msg = f"{path}: holds numbers that are not finite: the training went wrong, or the file is damaged"
         raise RecoveryError(msg)
     network.load_state_dict(state)
-    return network.eval()

@@ -15,26 +15,15 @@ import cv2
 import numpy as np
 import torch
 
-from etd_ros.recovery.compact import Compact
-from etd_ros.recovery.training.config import AugmentationConfig, TrainingConfig
+from etd_ros.recovery.training.compact_lesson import CompactLesson
+from etd_ros.recovery.training.config import TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.loss import losses_of
+from etd_ros.recovery.training.lesson import Figures, Lesson
 from etd_ros.recovery.training.making import SequenceMaker
-from etd_ros.recovery.training.pairs import PairSampler
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
-from etd_ros.recovery.training.validation import Figures, Tensors, tensors_of, validate
-from etd_ros.recovery.weights_file import load_pickle, save_compact
+from etd_ros.recovery.weights_file import load_pickle
 
-CHECKPOINT_NAME, LOG_NAME, WEIGHTS_NAME = "checkpoint.pt", "log.csv", "compact.safetensors"
-LOG_COLUMNS = (
-    "step",
-    "seconds",
-    "learning_rate",
-    "score",
-    "box",
-    "other",
-    *(f"validation_{n}" for n in Figures._fields),
-)
+CHECKPOINT_NAME, LOG_NAME = "checkpoint.pt", "log.csv"
 TRAINING_STREAM, VALIDATION_STREAM = 5, 6
 GRADIENT_MAX = 5.0
 THREADS_MAX = 1024
@@ -75,9 +64,9 @@ class Training:
         config: what is trained.
         cache: folder of the simulated sequences.
         output: folder of checkpoint, log and weights.
+        make_lesson: of a cache and a device, what is trained, from random weights.
         device: where it runs.
         minutes: the step size falls so that it ends after this time, or the steps, whichever comes first.
-        augmentation: how pairs are made harder.
     """
 
     def __init__(
@@ -86,20 +75,20 @@ class Training:
         cache: SequenceCache,
         output: Path,
         *,
+        make_lesson: Callable[[SequenceCache, torch.device], Lesson] = CompactLesson,
         device: str = "cpu",
         minutes: float = math.inf,
-        augmentation: AugmentationConfig | None = None,
     ) -> None:
         self._config, self._cache, self._output = config, cache, output
         self._device, self._limit_s = torch.device(device), 60 * minutes
         torch.manual_seed(config.seed)
-        self.network = Compact().to(self._device)
+        self._lesson = make_lesson(cache, self._device)
+        self.network = self._lesson.network
         # A third less time for a step on a CPU.
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self._sampler = PairSampler(cache.sequence, augmentation)
         self.step, self._before_s = 0, 0.0
         try:
             output.mkdir(parents=True, exist_ok=True)
@@ -117,7 +106,7 @@ class Training:
         try:
             saved: dict[str, Any] = load_pickle(path, self._device)
             same = {name: value for name, value in saved["config"].items() if name != "steps"}
-            wanted = {name: value for name, value in dataclasses.asdict(self._config).items() if name != "steps"}
+            wanted = {name: value for name, value in self._described().items() if name != "steps"}
             if same != wanted:
                 names = ", ".join(sorted(name for name in wanted if same.get(name) != wanted[name]))
                 msg = f"{path}: was made with another {names}: give the same, or start anew in another folder"
@@ -139,7 +128,7 @@ class Training:
         last = min(config.steps, config.steps if until is None else until)
         maker = SequenceMaker(self._cache, config)
         started = time.monotonic() - self._before_s
-        averages: list[tuple[float, float, float]] = []
+        averages: list[tuple[float, ...]] = []
         try:
             validation = self._validation(maker)
             is_over = self.step >= last
@@ -152,71 +141,68 @@ class Training:
                 is_over = self.step == last or time.monotonic() - started >= self._limit_s
                 figures = None
                 if is_over or self.step % config.interval == 0:
-                    figures = validate(self.network, validation)
+                    figures = self._lesson.validate(validation)
                     self._save(time.monotonic() - started, averages, figures)
                 watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
         finally:
             maker.stop()
 
-    def _take_step(self, share: float) -> tuple[float, float, float]:
+    def _take_step(self, share: float) -> tuple[float, ...]:
         config = self._config
         rng = np.random.default_rng([TRAINING_STREAM, config.seed, self.step])
-        batch = tensors_of(self._sampler.batch(rng, np.arange(config.pool(self.step)), config.batch), self._device)
+        batch = self._lesson.batch(rng, np.arange(config.pool(self.step)), config.batch)
         for group in self._optimiser.param_groups:
             group["lr"] = self._learning_rate(share)
-        kernels, features = self.network.remember(batch.exemplars, batch.sizes), self.network.features(batch.windows)
-        response = self.network.match(kernels, features)
-        # The neighbour's exemplar is of another sequence: a negative pair for the price of a correlation.
-        others = self.network.score(kernels.score.roll(1, 0), features)[:, 0]
-        losses = losses_of(response, others, batch.sizes, batch.boxes, batch.visible)
-        total = losses.total
-        if not bool(torch.isfinite(total)):
+        losses = self._lesson.losses(batch)
+        if not bool(torch.isfinite(losses.total)):
             msg = f"the loss is not finite at step {self.step}: train anew with a smaller learning_rate"
             raise TrainingError(msg)
         self._optimiser.zero_grad(set_to_none=True)
-        total.backward()  # type: ignore[no-untyped-call]
+        losses.total.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_MAX)
         self._optimiser.step()
-        return float(losses.score.detach()), float(losses.box.detach()), float(losses.other.detach())
+        return tuple(float(part.detach()) for part in losses)
 
     def _learning_rate(self, share: float) -> float:
         rising = min(1.0, (self.step + 1) / (self._config.warm_up_steps + 1))
         return self._config.learning_rate * rising * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
 
-    def _validation(self, maker: SequenceMaker) -> list[Tensors]:
+    def _validation(self, maker: SequenceMaker) -> list[Any]:
         config = self._config
         maker.wait_for_validation()
         seeds = VALIDATION_SEEDS + np.arange(config.validation_sequences)
         return [
-            tensors_of(
-                self._sampler.batch(np.random.default_rng([VALIDATION_STREAM, number]), seeds, config.batch),
-                self._device,
-            )
+            self._lesson.batch(np.random.default_rng([VALIDATION_STREAM, number]), seeds, config.batch)
             for number in range(config.validation_batches)
         ]
 
-    def _save(self, seconds: float, averages: list[tuple[float, float, float]], figures: Figures) -> None:
+    def _described(self) -> dict[str, Any]:
+        """What a checkpoint must have been made with to go on from it."""
+        return {"network": self._lesson.name, **dataclasses.asdict(self._config)}
+
+    def _save(self, seconds: float, averages: list[tuple[float, ...]], figures: Figures) -> None:
         state = {
             "network": self.network.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "step": self.step,
             "seconds": seconds,
-            "config": dataclasses.asdict(self._config),
+            "config": self._described(),
         }
         try:
             partial = self._output / f".{CHECKPOINT_NAME}"
             torch.save(state, partial)
             partial.replace(self._output / CHECKPOINT_NAME)
-            about = {"steps": str(self.step), "seed": str(self._config.seed), "recall": f"{figures.recall:.4f}"}
-            partial = self._output / f".{WEIGHTS_NAME}"
-            save_compact(self.network, partial, about)
-            partial.replace(self._output / WEIGHTS_NAME)
+            shown = {name: f"{value:.4f}" for name, value in figures._asdict().items()}
+            weights_name = f"{self._lesson.name}.safetensors"
+            partial = self._output / f".{weights_name}"
+            self._lesson.save(partial, {"steps": str(self.step), "seed": str(self._config.seed), **shown})
+            partial.replace(self._output / weights_name)
             self._log(seconds, averages, figures)
         except OSError as err:
             msg = f"{self._output}: cannot be written ({err.strerror or err}): make room or name another folder"
             raise TrainingError(msg) from err
 
-    def _log(self, seconds: float, averages: list[tuple[float, float, float]], figures: Figures) -> None:
+    def _log(self, seconds: float, averages: list[tuple[float, ...]], figures: Figures) -> None:
         path = self._output / LOG_NAME
         is_new = not path.is_file()
         rate = self._optimiser.param_groups[0]["lr"]
@@ -224,5 +210,6 @@ class Training:
         with path.open("a", newline="") as file:
             writer = csv.writer(file)
             if is_new:
-                writer.writerow(LOG_COLUMNS)
+                columns = (*self._lesson.loss_names, *(f"validation_{name}" for name in figures._fields))
+                writer.writerow(("step", "seconds", "learning_rate", *columns))
             writer.writerow((self.step, *(f"{number:.6g}" for number in numbers)))

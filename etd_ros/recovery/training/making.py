@@ -10,7 +10,7 @@ from typing import Any
 
 from etd_ros.recovery.training.config import TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, Pictures, SequenceCache
 
 WAIT_S = 0.2
 NICENESS = 10
@@ -29,7 +29,7 @@ class SequenceMaker:
         if missing := [seed for seed in seeds if not cache.has(seed)]:
             # A process that starts afresh: threads of torch and OpenCV do not survive a fork.
             context = multiprocessing.get_context("spawn")
-            self._process = context.Process(target=_make, args=(cache.folder, missing), daemon=True)
+            self._process = context.Process(target=_make, args=(cache.folder, cache.pictures, missing), daemon=True)
             self._process.start()
 
     def wait_for_validation(self) -> None:
@@ -61,10 +61,10 @@ class SequenceMaker:
             time.sleep(WAIT_S)
 
 
-def _make(folder: Path, seeds: list[int]) -> None:
+def _make(folder: Path, pictures: Pictures, seeds: list[int]) -> None:
     os.nice(NICENESS)
     training = os.getppid()
-    cache = SequenceCache(folder)
+    cache = SequenceCache(folder, pictures)
     for seed in seeds:
         # A training that was killed cannot end its processes.
         if os.getppid() != training:

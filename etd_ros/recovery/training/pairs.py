@@ -33,9 +33,9 @@ class Batch(NamedTuple):
     """Pairs.
 
     Attributes:
-        exemplars: uint8, shape (n, EXEMPLAR_SIDE, EXEMPLAR_SIDE).
+        exemplars: uint8, shape (n, exemplar_side, exemplar_side).
         sizes: width and height of the targets on the exemplars (pixels), float32, shape (n, 2).
-        windows: uint8, shape (n, INSTANCE_SIDE, INSTANCE_SIDE).
+        windows: uint8, shape (n, instance_side, instance_side).
         boxes: where the targets are on the windows, as centre x, y, width, height (pixels), float32, shape (n, 4);
             maybe beyond their borders.
         visible: share of each target that can be seen, float32, shape (n,).
@@ -46,6 +46,23 @@ class Batch(NamedTuple):
     windows: npt.NDArray[np.uint8]
     boxes: npt.NDArray[np.float32]
     visible: npt.NDArray[np.float32]
+
+
+class Crops(NamedTuple):
+    """What pairs of a network look like.
+
+    Attributes:
+        exemplar_side, instance_side: sides of an exemplar and of a window (pixels).
+        follows_size: whether a window's scale is that of the target there, as a tracker's that follows its size, and
+            not that of the exemplar, which is all that is known of a lost one.
+    """
+
+    exemplar_side: int
+    instance_side: int
+    follows_size: bool
+
+
+COMPACT_CROPS = Crops(EXEMPLAR_SIDE, INSTANCE_SIDE, follows_size=False)
 
 
 class _Pair(NamedTuple):
@@ -62,11 +79,18 @@ class PairSampler:
     Args:
         sequences: a sequence by its seed.
         config: how pairs are made harder.
+        crops: what they look like.
     """
 
-    def __init__(self, sequences: Callable[[int], Sequence], config: AugmentationConfig | None = None) -> None:
+    def __init__(
+        self,
+        sequences: Callable[[int], Sequence],
+        config: AugmentationConfig | None = None,
+        crops: Crops = COMPACT_CROPS,
+    ) -> None:
         self._sequences = sequences
         self._config = config or AugmentationConfig()
+        self._crops = crops
 
     def batch(self, rng: np.random.Generator, seeds: npt.NDArray[np.int64], count: int) -> Batch:
         """`count` pairs from the sequences of `seeds`, neighbours from different ones where there are several."""
@@ -106,8 +130,9 @@ class PairSampler:
         shift_x, shift_y, grow_w, grow_h = np.clip(rng.normal(0, self._config.box_noise, 4), -0.25, 0.25).tolist()
         w, h = box.w * np.exp(grow_w), box.h * np.exp(grow_h)
         center = box.center[0] + shift_x * box.w, box.center[1] + shift_y * box.h
-        scale = EXEMPLAR_SIDE / exemplar_extent(w, h)
-        crop = cut(image, center, scale, (EXEMPLAR_SIDE, EXEMPLAR_SIDE))
+        side = self._crops.exemplar_side
+        scale = side / exemplar_extent(w, h)
+        crop = cut(image, center, scale, (side, side))
         return crop.pixels, (w * scale, h * scale)
 
     def _with_window(
@@ -120,10 +145,10 @@ class PairSampler:
         size: tuple[float, float],
     ) -> _Pair:
         second = int(rng.integers(len(sequence.images)))
-        # The scale is known from the remembered box; the target has changed its size meanwhile.
-        remembered = Box(*sequence.boxes[first, thing].tolist())
+        # Of a lost target the scale is that of the remembered box; the target has changed its size meanwhile.
+        known = Box(*sequence.boxes[second if self._crops.follows_size else first, thing].tolist())
         change = rng.uniform(-self._config.scale, self._config.scale)
-        scale = EXEMPLAR_SIDE / exemplar_extent(remembered.w, remembered.h) * np.exp(change)
+        scale = self._crops.exemplar_side / exemplar_extent(known.w, known.h) * np.exp(change)
         target = Box(*sequence.boxes[second, thing].tolist())
         image = sequence.images[second]
         if rng.random() < self._config.elsewhere:
@@ -131,7 +156,7 @@ class PairSampler:
         else:
             reach = self._config.shift_px / scale
             center = target.center[0] + rng.uniform(-reach, reach), target.center[1] + rng.uniform(-reach, reach)
-        crop = cut(image, center, scale, (INSTANCE_SIDE, INSTANCE_SIDE))
+        crop = cut(image, center, scale, (self._crops.instance_side, self._crops.instance_side))
         visible = float(sequence.visible[second, thing])
         if _deviation(image, target) < WINDOW_DEVIATION_MIN:
             visible = min(visible, (HIDDEN_MAX + SEEN_MIN) / 2)
@@ -160,9 +185,9 @@ class PairSampler:
         window = crop.pixels
         x, y, w, h = crop.of_box(target)
         if rng.random() < 0.5:
-            exemplar, window, x = exemplar[:, ::-1], window[:, ::-1], INSTANCE_SIDE - x
+            exemplar, window, x = exemplar[:, ::-1], window[:, ::-1], len(window) - x
         if rng.random() < 0.25:
-            exemplar, window, y = exemplar[::-1], window[::-1], INSTANCE_SIDE - y
+            exemplar, window, y = exemplar[::-1], window[::-1], len(window) - y
         if rng.random() < 0.25:
             exemplar, window, size = exemplar.T, window.T, (size[1], size[0])
             x, y, w, h = y, x, h, w

@@ -1,10 +1,12 @@
-"""Simulated sequences in a cache folder: images as recovery sees them, and the exact boxes on them."""
+"""Simulated sequences in a cache folder: images as recovery or a camera sees them, and the exact boxes on them."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +15,8 @@ from etd_ros.events import concatenate
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.scenes import Situation, random_situation
-from etd_ros.simulation import simulate, visible_shares
+from etd_ros.simulation import Scene, simulate, visible_shares
+from etd_ros.simulation.motion import FloatArray
 from etd_ros.simulation.scene import box_of
 
 NS_PER_S = 1_000_000_000
@@ -32,7 +35,7 @@ class Sequence:
     """Images of a scene with the boxes of everything that moves on its own.
 
     Attributes:
-        images: reconstructed, uint8, shape (n, height, width).
+        images: reconstructed or filmed, uint8, shape (n, height, width).
         stamps_s: when (s since the start), float64, shape (n,).
         boxes: x, y, w, h of each thing on each image (pixels), float32, shape (n, things, 4).
         visible: share of each thing that can be seen, float32, shape (n, things).
@@ -69,13 +72,33 @@ def rendered(situation: Situation, rng: np.random.Generator) -> Sequence:
         high_pass.integrate(events.between(start_ns, stamp_ns))
         images.append(high_pass.image(stamp_ns).copy())
         start_ns = stamp_ns
+    return Sequence(np.array(images), np.array(stamps_s), *truth_of(scene, np.array(stamps_s)))
+
+
+def truth_of(scene: Scene, stamps_s: FloatArray) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Boxes and visible shares of a scene's targets at times (s, shape (n,)), as in `Sequence`."""
     things = [(index, sprite) for index, sprite in enumerate(scene.sprites) if sprite.is_target]
     placements = scene.placements(stamps_s)
     boxes = [[box_of(sprite, placed[1 + index]) for index, sprite in things] for placed in placements]
     visible = [visible_shares(scene, sprite.name, stamps_s).visible for _, sprite in things]
-    return Sequence(
-        np.array(images), np.array(stamps_s), np.array(boxes, np.float32), np.array(visible, np.float32).T.copy()
-    )
+    return np.array(boxes, np.float32), np.array(visible, np.float32).T.copy()
+
+
+class Pictures(NamedTuple):
+    """A kind of sequences. Caches of several kinds may share a folder.
+
+    Attributes:
+        name, boxes_name: what the cache's files are called.
+        simulate: makes the sequence of a seed; a function of a module, since another process calls it.
+    """
+
+    name: str
+    boxes_name: str
+    simulate: Callable[[int], Sequence]
+
+
+RECONSTRUCTED = Pictures("images", "boxes", simulated_sequence)
+"""What recovery sees; `video.VIDEO` is what a camera films."""
 
 
 class SequenceCache:
@@ -84,9 +107,9 @@ class SequenceCache:
     Images stay in their files and are mapped into memory, so many more sequences fit than memory holds.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, pictures: Pictures = RECONSTRUCTED) -> None:
         """Raise TrainingError where the folder cannot be made."""
-        self.folder = folder
+        self.folder, self.pictures = folder, pictures
         self._open: dict[int, Sequence] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -102,7 +125,7 @@ class SequenceCache:
         """Simulate a sequence unless it is there."""
         if self.has(seed):
             return
-        sequence = simulated_sequence(seed)
+        sequence = self.pictures.simulate(seed)
         try:
             _write_beside(self._images_path(seed), sequence.images)
             boxes = np.concatenate([sequence.boxes, sequence.visible[..., None]], -1)
@@ -137,10 +160,10 @@ class SequenceCache:
         return Sequence(images, rows[:, 0, 5], numbers[..., :4], numbers[..., 4])
 
     def _images_path(self, seed: int) -> Path:
-        return self.folder / f"{seed:07}.images.npy"
+        return self.folder / f"{seed:07}.{self.pictures.name}.npy"
 
     def _boxes_path(self, seed: int) -> Path:
-        return self.folder / f"{seed:07}.boxes.npy"
+        return self.folder / f"{seed:07}.{self.pictures.boxes_name}.npy"
 
 
 def _write_beside(path: Path, array: npt.NDArray[np.uint8] | npt.NDArray[np.float64]) -> None:

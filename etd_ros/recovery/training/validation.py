@@ -34,6 +34,9 @@ class Figures(NamedTuple):
     found: float
     recall: float
 
+    def told(self) -> str:
+        return f"found {self.found:.3f}, at 1 % false alarms {self.recall:.3f}"
+
 
 class Tensors(NamedTuple):
     """A batch on a device; crops are float32, shape (n, 1, rows, columns)."""
