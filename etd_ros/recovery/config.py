@@ -43,6 +43,11 @@ class RecoveryConfig(Parameters):
     )
     compact_model: str = parameter("", "file of the compact tracker's weights (safetensors); empty: those shipped")
     siamrpn_model: str = parameter("", "file of the siamrpn tracker's weights: SiamRPNVOT.model, OTB or BIG")
+    siamfc_model: str = parameter(
+        "",
+        "of the compared system siamfc, which recovery does not use: file of its weights, siamfc_alexnet_e50.pth or a "
+        "siamfc.safetensors made by `train`; empty: those shipped",
+    )
     score_min: float = parameter(
         0.75,
         "OpenCV trackers: smallest correlation with the remembered target that counts as found: lower finds sooner, "

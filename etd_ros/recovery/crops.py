@@ -1,8 +1,9 @@
-"""Square crops of grey images at a network's scale, and boxes between crops and images."""
+"""Square crops of pictures at a network's scale, and boxes between crops and pictures."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -10,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
-from etd_ros.recovery.appearance import GreyImage
 
+Picture = npt.NDArray[np.uint8]
+"""Grey, shape (rows, columns), or BGR, shape (rows, columns, 3)."""
 CONTEXT = 0.5
 """Share of (w + h) around a box that an exemplar shows (Bertinetto et al. 2016)."""
 
@@ -20,12 +22,12 @@ class Crop(NamedTuple):
     """A crop and where it comes from.
 
     Attributes:
-        pixels: uint8, shape (rows, columns).
+        pixels: as many channels as the image has.
         left, top: its corner on the image (pixels).
         scale: pixels of the crop for one of the image.
     """
 
-    pixels: GreyImage
+    pixels: Picture
     left: float
     top: float
     scale: float
@@ -52,18 +54,18 @@ def exemplar_extent(w: float, h: float) -> float:
     return math.sqrt((w + padding) * (h + padding))
 
 
-def cut(image: GreyImage, center: tuple[float, float], scale: float, size: tuple[int, int]) -> Crop:
+def cut(image: Picture, center: tuple[float, float], scale: float, size: tuple[int, int]) -> Crop:
     """`size` (columns, rows) pixels around a point of an image; beyond its border is its mean.
 
     Args:
-        image: uint8, shape (h, w).
+        image: grey or BGR.
         center: column and row (pixels).
         scale: pixels of the crop for one of the image.
         size: columns and rows of the crop (pixels).
     """
     columns, rows = size
     left, top = center[0] - columns / scale / 2, center[1] - rows / scale / 2
-    border = round(float(_mean(image)))
+    mean = cv2.mean(image)
     if scale < 1:
         # Taking the area's mean keeps the noise of what is made smaller down; only the part in view is touched.
         first_column, first_row = max(0, math.floor(left)), max(0, math.floor(top))
@@ -75,9 +77,9 @@ def cut(image: GreyImage, center: tuple[float, float], scale: float, size: tuple
             image = np.asarray(cv2.resize(part, smaller, interpolation=cv2.INTER_AREA), np.uint8)
             ratio_x, ratio_y = smaller[0] / part.shape[1], smaller[1] / part.shape[0]
             matrix = _matrix(scale / ratio_x, scale / ratio_y, (left - first_column) * scale, (top - first_row) * scale)
-            return Crop(_warped(image, matrix, size, border), left, top, scale)
+            return Crop(_warped(image, matrix, size, mean), left, top, scale)
     matrix = _matrix(scale, scale, left * scale, top * scale)
-    return Crop(_warped(image, matrix, size, border), left, top, scale)
+    return Crop(_warped(image, matrix, size, mean), left, top, scale)
 
 
 def _matrix(scale_x: float, scale_y: float, left: float, top: float) -> npt.NDArray[np.float64]:
@@ -85,12 +87,9 @@ def _matrix(scale_x: float, scale_y: float, left: float, top: float) -> npt.NDAr
     return np.array([[scale_x, 0, scale_x / 2 - 0.5 - left], [0, scale_y, scale_y / 2 - 0.5 - top]], np.float64)
 
 
-def _warped(image: GreyImage, matrix: npt.NDArray[np.float64], size: tuple[int, int], border: int) -> GreyImage:
+def _warped(image: Picture, matrix: npt.NDArray[np.float64], size: tuple[int, int], mean: Sequence[float]) -> Picture:
+    border = [round(level) for level in mean]
     warped = cv2.warpAffine(
         image, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=border
     )
     return np.asarray(warped, np.uint8)
-
-
-def _mean(image: GreyImage) -> float:
-    return float(cv2.mean(image)[0])

@@ -74,8 +74,13 @@ def _siamese_maker(name: str, config: RecoveryConfig) -> Callable[[], RecoveryTr
         msg = f"recovery tracker {SIAMRPN!r} needs a model: set the parameter siamrpn_model to a DaSiamRPN file"
         raise RecoveryError(msg)
     file = config.siamrpn_model if name == SIAMRPN else config.compact_model
-    matcher = _network(name, file, Path(file).stat().st_mtime_ns if Path(file).is_file() else 0)
+    matcher = _network(name, file, modified_ns(file))
     return lambda: SiameseRecovery(matcher, config)
+
+
+def modified_ns(file: str) -> int:
+    """When a file was written (ns), 0 where there is none."""
+    return Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
 
 
 @lru_cache(maxsize=len(NETWORKS))

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from threading import Thread
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import cv2
 import numpy as np
 import torch
 from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from etd_ros.recovery import compact, siamrpn
-from etd_ros.recovery.appearance import GreyImage
+from etd_ros.recovery.crops import Picture
 from etd_ros.recovery.matching import COMPACT_GEOMETRY, SIAMRPN_GEOMETRY, Answers
+from etd_ros.recovery.siamfc import SiamFc
+from etd_ros.recovery.siamfc_tracking import Responses
+
+Network = TypeVar("Network", bound=nn.Module)
 
 THREADS = 1
 """Of torch for recovery: it runs beside nodes that must not wait for it."""
@@ -49,12 +54,12 @@ class CompactMatcher:
         side = compact.EXEMPLAR_SIDE
         self.match(blank, [self.template(blank[:side, :side], (side / 2, side / 2))])
 
-    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> _CompactTemplate:
+    def template(self, exemplar: Picture, size: tuple[float, float]) -> _CompactTemplate:
         with torch.inference_mode():
             sizes = torch.tensor([size], dtype=torch.float32)
             return _CompactTemplate(self._network.remember(_grey(exemplar), sizes), sizes)
 
-    def match(self, window: GreyImage, templates: Sequence[_CompactTemplate]) -> Answers:
+    def match(self, window: Picture, templates: Sequence[_CompactTemplate]) -> Answers:
         with torch.inference_mode():
             features = self._network.features(_grey(window))
             responses = [self._network.match(template.kernels, features) for template in templates]
@@ -67,33 +72,75 @@ class CompactMatcher:
 
 
 class SiamRpnMatcher:
-    """DaSiamRPN: at each place the best of its five anchors answers."""
+    """DaSiamRPN: at each place the best of its five anchors answers.
+
+    Args:
+        network: the published one.
+        every_anchor: whether all five answer, each for itself.
+    """
 
     geometry = SIAMRPN_GEOMETRY
 
-    def __init__(self, network: siamrpn.SiamRpn) -> None:
+    def __init__(self, network: siamrpn.SiamRpn, *, every_anchor: bool = False) -> None:
         self._network = network
+        self._every_anchor = every_anchor
 
-    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> siamrpn.Kernels:  # noqa: ARG002
+    @property
+    def is_big(self) -> bool:
+        """Whether it is SiamRPNBIG."""
+        return self._network.conv_r2.out_channels > min(siamrpn.SIZES)
+
+    def template(self, exemplar: Picture, size: tuple[float, float]) -> siamrpn.Kernels:  # noqa: ARG002
         with torch.inference_mode():
             return self._network.remember(siamrpn.as_bgr(exemplar))
 
-    def match(self, window: GreyImage, templates: Sequence[siamrpn.Kernels]) -> Answers:
+    def match(self, window: Picture, templates: Sequence[siamrpn.Kernels]) -> Answers:
         with torch.inference_mode():
             features = self._network.window(siamrpn.as_bgr(window))
-            answers = [self._best(*self._network.match(template, features), window.shape) for template in templates]
+            answers = [self._answer(*self._network.match(template, features), window.shape) for template in templates]
             scores, boxes = (torch.stack(parts).numpy() for parts in zip(*answers, strict=True))
             return Answers(scores, boxes)
 
-    def _best(
+    def _answer(
         self, scores: torch.Tensor, changes: torch.Tensor, shape: tuple[int, ...]
     ) -> tuple[torch.Tensor, torch.Tensor]:
         boxes = siamrpn.boxes_of(changes, (shape[1], shape[0]))
+        if self._every_anchor:
+            return scores, boxes
         best, index = scores.max(0)
         return best, boxes.gather(1, index.expand(4, 1, -1, -1))[:, 0]
 
 
-def fused(network: compact.Compact) -> compact.Compact:
+class SiamFcMatcher:
+    """SiamFC, the published or the small one."""
+
+    def __init__(self, network: SiamFc) -> None:
+        self.geometry = network.layout.geometry
+        self._network = fused(network)
+        # The first run sets the library up: not in the middle of a stream.
+        blank = np.zeros((self.geometry.instance_side, self.geometry.instance_side), np.uint8)
+        side = self.geometry.exemplar_side
+        self.responses([blank], self.template(blank[:side, :side]))
+
+    def template(self, exemplar: Picture) -> torch.Tensor:
+        with torch.inference_mode():
+            return self._network.features(self._crops([exemplar]))
+
+    def responses(self, windows: Sequence[Picture], template: torch.Tensor) -> Responses:
+        with torch.inference_mode():
+            features = self._network.features(self._crops(windows))
+            kernels = template.expand(len(windows), -1, -1, -1).contiguous()
+            responses: Responses = self._network.respond(kernels, features).numpy()
+            return responses
+
+    def _crops(self, pictures: Sequence[Picture]) -> torch.Tensor:
+        """As the network takes them: grey, or RGB as the published files were trained."""
+        if self._network.layout.widths[0] == 1:
+            return torch.cat([_grey(picture) for picture in pictures])
+        return torch.cat([siamrpn.as_bgr(picture).flip(1) for picture in pictures])
+
+
+def fused(network: Network) -> Network:
     """The network with its batch normalisations folded into the convolutions before them; a fifth less time."""
     for module in network.modules():
         if not isinstance(module, nn.Sequential):
@@ -107,5 +154,7 @@ def fused(network: compact.Compact) -> compact.Compact:
     return network
 
 
-def _grey(pixels: GreyImage) -> torch.Tensor:
+def _grey(pixels: Picture) -> torch.Tensor:
+    if pixels.ndim == 3:
+        pixels = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
     return torch.from_numpy(np.ascontiguousarray(pixels)).float()[None, None]

@@ -1,16 +1,20 @@
-"""What recovery asks of a Siamese network, and a thread of its own for it; without torch, which takes a second to
+"""What is asked of Siamese networks, and a thread of its own for each; without torch, which takes a second to
 import."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.recovery.appearance import GreyImage
+from etd_ros.recovery.crops import Picture
+from etd_ros.recovery.siamfc_tracking import Responses, SiamFcGeometry, SiamFcNetwork
+
+Network = TypeVar("Network")
+Result = TypeVar("Result")
 
 WINDOW_PIXELS_MAX = 272 * 272
 
@@ -36,8 +40,10 @@ class Answers(NamedTuple):
     """What a network says about the places of a window.
 
     Attributes:
-        scores: 0 to 1, of each template at each place, float32, shape (templates, rows, columns).
-        boxes: centre x, y, width, height on the window (pixels), float32, shape (templates, 4, rows, columns).
+        scores: 0 to 1, of each template at each place, float32, shape (templates, rows, columns); or of each of its
+            anchors, shape (templates, anchors, rows, columns).
+        boxes: centre x, y, width, height on the window (pixels), float32, shape (templates, 4, rows, columns) or
+            (templates, 4, anchors, rows, columns).
     """
 
     scores: npt.NDArray[np.float32]
@@ -49,27 +55,22 @@ class Matcher(Protocol):
 
     geometry: Geometry
 
-    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> Any:
+    def template(self, exemplar: Picture, size: tuple[float, float]) -> Any:
         """What is remembered of a crop with the target of a size (w, h; pixels of the crop) in its middle."""
         ...
 
-    def match(self, window: GreyImage, templates: Sequence[Any]) -> Answers:
+    def match(self, window: Picture, templates: Sequence[Any]) -> Answers:
         """Compare all places of a window, sides multiples of 8 pixels, with templates."""
         ...
 
 
-class BackgroundMatcher:
-    """A `Matcher` that is loaded and run in one thread of its own; who asks before it is there waits for it.
+class _Background(Generic[Network]):
+    """A network that is loaded and run in one thread of its own; who asks before it is there waits for it.
 
     All inference happens in that thread, so that limits which torch keeps for each thread touch nobody else's.
-
-    Args:
-        geometry: of the matcher to come.
-        load: makes it; called in the thread.
     """
 
-    def __init__(self, geometry: Geometry, load: Callable[[], Matcher]) -> None:
-        self.geometry = geometry
+    def __init__(self, load: Callable[[], Network]) -> None:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery network")
         self._loading = self._thread.submit(load)
 
@@ -77,10 +78,48 @@ class BackgroundMatcher:
         """Return once the network is there; raise what its loading raised."""
         self._loading.result()
 
-    def template(self, exemplar: GreyImage, size: tuple[float, float]) -> Any:
-        """As `Matcher.template`; raises what the loading raised."""
-        return self._thread.submit(lambda: self._loading.result().template(exemplar, size)).result()
+    def ask(self, question: Callable[[Network], Result]) -> Result:
+        """The answer of the network; raises what the loading raised."""
+        return self._thread.submit(lambda: question(self._loading.result())).result()
 
-    def match(self, window: GreyImage, templates: Sequence[Any]) -> Answers:
+
+class BackgroundMatcher(_Background[Matcher]):
+    """A `Matcher` in a thread of its own.
+
+    Args:
+        geometry: of the matcher to come.
+        load: makes it; called in the thread.
+    """
+
+    def __init__(self, geometry: Geometry, load: Callable[[], Matcher]) -> None:
+        super().__init__(load)
+        self.geometry = geometry
+
+    def template(self, exemplar: Picture, size: tuple[float, float]) -> Any:
+        """As `Matcher.template`; raises what the loading raised."""
+        return self.ask(lambda matcher: matcher.template(exemplar, size))
+
+    def match(self, window: Picture, templates: Sequence[Any]) -> Answers:
         """As `Matcher.match`; raises what the loading raised."""
-        return self._thread.submit(lambda: self._loading.result().match(window, templates)).result()
+        return self.ask(lambda matcher: matcher.match(window, templates))
+
+
+class BackgroundSiamFc(_Background[SiamFcNetwork]):
+    """A `SiamFcNetwork` in a thread of its own.
+
+    Args:
+        geometry: of the network to come.
+        load: makes it; called in the thread.
+    """
+
+    def __init__(self, geometry: SiamFcGeometry, load: Callable[[], SiamFcNetwork]) -> None:
+        super().__init__(load)
+        self.geometry = geometry
+
+    def template(self, exemplar: Picture) -> Any:
+        """As `SiamFcNetwork.template`; raises what the loading raised."""
+        return self.ask(lambda network: network.template(exemplar))
+
+    def responses(self, windows: Sequence[Picture], template: Any) -> Responses:
+        """As `SiamFcNetwork.responses`; raises what the loading raised."""
+        return self.ask(lambda network: network.responses(windows, template))

@@ -7,13 +7,23 @@ seen there (Sec. 2.2).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 from torch import Tensor, nn
 from torch.nn import functional
 
+from etd_ros.recovery.published_weights import Origin, load_published, published_state
 from etd_ros.recovery.siamfc_tracking import PUBLISHED_GEOMETRY, SMALL_GEOMETRY, SiamFcGeometry
+from etd_ros.recovery.weights_file import WEIGHTS, load_weights, save_weights
 
+SHIPPED = WEIGHTS / "siamfc.safetensors"
+SIAMFC = "etd_ros siamfc 1"
+"""In a file's metadata: another layout of layers gets another number."""
+ORIGIN = Origin(
+    "SiamFC", "siamfc_model", "siamfc_alexnet_e50.pth", "a siamfc.safetensors made by `train --network siamfc`"
+)
 NORMALISATION_EPS, NORMALISATION_MOMENTUM = 1e-6, 0.05
 DEVIATION_MIN = 8.0
 """Grey levels: crops with less contrast are not amplified to full contrast, they hold mostly noise."""
@@ -99,3 +109,26 @@ class SiamFc(nn.Module):
 
     def forward(self, exemplars: Tensor, windows: Tensor) -> Tensor:
         return self.respond(self.features(exemplars), self.features(windows))
+
+
+def save_small(network: SiamFc, path: Path, about: Mapping[str, str]) -> None:
+    """Write the weights of a small SiamFC; `about` goes into the file's metadata."""
+    save_weights(network, SIAMFC, path, about)
+
+
+def load_siamfc(path: Path = SHIPPED) -> SiamFc:
+    """The network with the weights of a file, for inference.
+
+    Args:
+        path: of the small one where it ends in `.safetensors`, as `train` makes them; else of the published one.
+
+    Raises:
+        RecoveryError: no readable file, or not of this network.
+    """
+    if path.suffix == SHIPPED.suffix:
+        network = SiamFc(SMALL)
+        load_weights(network, SIAMFC, path)
+    else:
+        network = SiamFc(PUBLISHED)
+        load_published(network, published_state(path, ORIGIN), path, ORIGIN)
+    return network.eval()

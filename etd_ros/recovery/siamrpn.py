@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import pickle
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,14 +10,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from etd_ros.recovery.appearance import GreyImage
+from etd_ros.recovery.crops import Picture
 from etd_ros.recovery.interface import RecoveryError
-from etd_ros.recovery.weights_file import load_pickle
+from etd_ros.recovery.published_weights import Origin, load_published, published_state
 
 STRIDE = 8
 ANCHORS = ((104, 32), (88, 40), (64, 64), (40, 80), (32, 96))
 """Width and height (pixels of the window)."""
-FILE_BYTES_MAX = 1 << 30
+DASIAMRPN = Origin("DaSiamRPN", "siamrpn_model", "SiamRPNVOT.model", "another .model of it")
 LOG_RATIO_MAX = 4.0
 SIZES = {256: (1, 256), 512: (2, 512)}
 """Backbone width (times the narrow one's) and head width, by the channels that the backbone gives: VOT, OTB; BIG."""
@@ -105,48 +103,10 @@ def load_siamrpn(path: Path) -> SiamRpn:
     Raises:
         RecoveryError: no readable file, not a file of weights, or of another network.
     """
-    if not path.is_file() or not os.access(path, os.R_OK):
-        msg = f"{path}: no readable file; set the parameter siamrpn_model to SiamRPNVOT.model, or another of DaSiamRPN"
-        raise RecoveryError(msg)
-    if path.stat().st_size > FILE_BYTES_MAX:
-        msg = f"{path}: {path.stat().st_size >> 20} MiB are too many for DaSiamRPN: give its own .model file"
-        raise RecoveryError(msg)
-    state = _state(path)
+    state = published_state(path, DASIAMRPN)
     network = _shaped_like(state, path)
-    expected = network.state_dict()
-    # Files older than the counter of batches lack it; inference does not use it.
-    needed = {name for name in expected if not name.endswith("num_batches_tracked")}
-    for name in sorted(needed | set(state)):
-        there, wanted = (tuple(values[name].shape) if name in values else None for values in (state, expected))
-        if there != wanted:
-            msg = f"{path}: {name} is {there or 'missing'}, DaSiamRPN's is {wanted or 'not there'}: give a .model of it"
-            raise RecoveryError(msg)
-    if not all(bool(torch.isfinite(tensor).all()) for tensor in state.values()):
-        msg = f"{path}: holds numbers that are not finite: the file is damaged, get it again"
-        raise RecoveryError(msg)
-    network.load_state_dict(state, strict=False)
+    load_published(network, state, path, DASIAMRPN)
     return network.eval()
-
-
-def _state(path: Path) -> dict[str, Tensor]:
-    try:
-        loaded = load_pickle(path)
-    except pickle.UnpicklingError as err:
-        reason = " ".join(str(err).split())[:80]
-        msg = f"{path}: not a file of plain weights ({reason}...): get DaSiamRPN's .model file again"
-        raise RecoveryError(msg) from err
-    weights = loaded if isinstance(loaded, dict) else {}
-    if not weights or not all(isinstance(name, str) and _is_plain(value) for name, value in weights.items()):
-        msg = f"{path}: no weights by name; give SiamRPNVOT.model or another .model file of DaSiamRPN"
-        raise RecoveryError(msg)
-    return weights
-
-
-def _is_plain(value: object) -> bool:
-    """Whether something is a tensor whose numbers are all there, neither sparse, nor quantised, nor without memory."""
-    if not isinstance(value, Tensor) or value.layout is not torch.strided or value.is_quantized:
-        return False
-    return value.device.type == "cpu" and (value.is_floating_point() or value.dtype == torch.int64)
 
 
 def _shaped_like(state: dict[str, Tensor], path: Path) -> SiamRpn:
@@ -158,6 +118,7 @@ def _shaped_like(state: dict[str, Tensor], path: Path) -> SiamRpn:
     return SiamRpn(*SIZES[channels])
 
 
-def as_bgr(pixels: GreyImage) -> Tensor:
-    """A grey crop, uint8, shape (rows, columns), as the network takes it, shape (1, 3, rows, columns)."""
-    return torch.from_numpy(np.ascontiguousarray(pixels)).float().expand(1, 3, -1, -1)
+def as_bgr(pixels: Picture) -> Tensor:
+    """A crop, grey or BGR, uint8, as the network takes it, float32, shape (1, 3, rows, columns)."""
+    crop = torch.from_numpy(np.ascontiguousarray(pixels)).float()
+    return crop.permute(2, 0, 1)[None] if crop.dim() == 3 else crop.expand(1, 3, -1, -1)

@@ -14,10 +14,10 @@ from torch import nn
 
 from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.interface import RecoveryError
-from etd_ros.recovery.siamfc import SMALL, SiamFc
 
-SHIPPED, SHIPPED_SIAMFC = (Path(__file__).parent / "weights" / f"{name}.safetensors" for name in ("compact", "siamfc"))
-COMPACT, SMALL_SIAMFC = "etd_ros compact 1", "etd_ros siamfc 1"
+WEIGHTS = Path(__file__).parent / "weights"
+SHIPPED = WEIGHTS / "compact.safetensors"
+COMPACT = "etd_ros compact 1"
 """In a file's metadata: another layout of layers gets another number."""
 
 PICKLES_SAFE_FROM = "2.6"
@@ -43,12 +43,7 @@ def load_pickle(path: Path, device: torch.device | str = "cpu") -> Any:
 
 def save_compact(network: Compact, path: Path, about: Mapping[str, str]) -> None:
     """Write the weights; `about` goes into the file's metadata."""
-    _save(network, COMPACT, path, about)
-
-
-def save_small_siamfc(network: SiamFc, path: Path, about: Mapping[str, str]) -> None:
-    """Write the weights of a small SiamFC; `about` goes into the file's metadata."""
-    _save(network, SMALL_SIAMFC, path, about)
+    save_weights(network, COMPACT, path, about)
 
 
 def load_compact(path: Path = SHIPPED) -> Compact:
@@ -58,27 +53,22 @@ def load_compact(path: Path = SHIPPED) -> Compact:
         RecoveryError: no readable safetensors file, or not of this network.
     """
     network = Compact()
-    _load(network, COMPACT, path)
+    load_weights(network, COMPACT, path)
     return network.eval()
 
 
-def load_small_siamfc(path: Path = SHIPPED_SIAMFC) -> SiamFc:
-    """The small SiamFC with the weights of a file, for inference.
-
-    Raises:
-        RecoveryError: no readable safetensors file, or not of this network.
-    """
-    network = SiamFc(SMALL)
-    _load(network, SMALL_SIAMFC, path)
-    return network.eval()
-
-
-def _save(network: nn.Module, name: str, path: Path, about: Mapping[str, str]) -> None:
+def save_weights(network: nn.Module, name: str, path: Path, about: Mapping[str, str]) -> None:
+    """Write a network's weights; its name, as in `COMPACT`, and `about` go into the file's metadata."""
     state = {key: tensor.detach().cpu().contiguous() for key, tensor in network.state_dict().items()}
     path.write_bytes(save(state, {"network": name, **about}))
 
 
-def _load(network: nn.Module, name: str, path: Path) -> None:
+def load_weights(network: nn.Module, name: str, path: Path) -> None:
+    """Give a network the weights that `save_weights` has written under this name.
+
+    Raises:
+        RecoveryError: no readable safetensors file, or not of this network.
+    """
     expected = network.state_dict()
     try:
         with safe_open(path, framework="pt") as file:

@@ -42,13 +42,19 @@ class Lesson(Protocol):
 
     Attributes:
         name: the network's; its weights are kept in `<name>.safetensors`.
-        network: on the training's device.
-        loss_names: of the parts of its loss.
     """
 
     name: str
-    network: nn.Module
-    loss_names: tuple[str, ...]
+
+    @property
+    def loss_names(self) -> tuple[str, ...]:
+        """Of the parts of its loss."""
+        ...
+
+    @property
+    def network(self) -> nn.Module:
+        """On the training's device."""
+        ...
 
     def batch(self, rng: np.random.Generator, seeds: npt.NDArray[np.int64], count: int) -> Any:
         """`count` pairs from the sequences of `seeds`, on the device; `rng` decides everything."""

@@ -12,13 +12,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from etd_ros.recovery.siamfc import SMALL, SiamFc
+from etd_ros.recovery.siamfc import SMALL, SiamFc, save_small
 from etd_ros.recovery.siamfc_tracking import SMALL_GEOMETRY
 from etd_ros.recovery.training.config import AugmentationConfig
 from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Crops, PairSampler
 from etd_ros.recovery.training.sequences import SequenceCache
 from etd_ros.recovery.training.validation import Tensors, tensors_of
-from etd_ros.recovery.weights_file import save_small_siamfc
 
 CROPS = Crops(SMALL_GEOMETRY.exemplar_side, SMALL_GEOMETRY.instance_side, follows_size=True)
 AUGMENTATION = AugmentationConfig(shift_px=24.0, scale=0.05, box_noise=0.04, elsewhere=0.0)
@@ -90,7 +89,7 @@ class SiamFcLesson:
         )
 
     def save(self, path: Path, about: Mapping[str, str]) -> None:
-        save_small_siamfc(self.network, path, about)
+        save_small(self.network, path, about)
 
     def _answers(self, batch: Tensors) -> tuple[float, Tensor]:
         """The loss, and how far (cells) the likeliest place is from each target that can be seen, shape (m,)."""

@@ -72,7 +72,8 @@ def _gathered(scene: Scene, times_s: FloatArray, frames: npt.NDArray[np.int64], 
     for number, frame in enumerate(frames):
         renderer.advance(number)
         light[frame] += np.exp(renderer.after)
-    return light / np.bincount(frames, minlength=count)[:, None, None].astype(np.float32)
+    counts = np.bincount(frames, minlength=count).astype(np.float32)
+    return np.asarray(light / counts[:, None, None], np.float32)
 
 
 def _developed(light: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
