@@ -42,7 +42,11 @@ class RecoveryConfig(Parameters):
         high=1.0,
     )
     compact_model: str = parameter("", "file of the compact tracker's weights (safetensors); empty: those shipped")
-    siamrpn_model: str = parameter("", "file of the siamrpn tracker's weights: SiamRPNVOT.model, OTB or BIG")
+    siamrpn_model: str = parameter(
+        "",
+        "file of the weights of siamrpn, and of the compared system dasiamrpn, which is compact where it is empty: "
+        "SiamRPNVOT.model, OTB or BIG",
+    )
     siamfc_model: str = parameter(
         "",
         "of the compared system siamfc, which recovery does not use: file of its weights, siamfc_alexnet_e50.pth or a "

@@ -6,6 +6,7 @@ import pytest
 
 from etd_ros.cli import main
 from etd_ros.recovery import RecoveryConfig, make_recovery, making
+from etd_ros.recovery.picture_trackers import make_siamfc
 
 TINY = (
     *("--steps", "2", "--batch", "2", "--sequences", "1", "--first-sequences", "1"),
@@ -25,6 +26,13 @@ def test_it_trains_goes_on_and_its_weights_serve_a_tracker(place):
     steps = [line.partition(",")[0] for line in (place / "out" / "log.csv").read_text().splitlines()]
     assert steps == ["step", "1", "2", "3"]
     make_recovery(RecoveryConfig(tracker="compact", compact_model=str(place / "out" / "compact.safetensors")))()
+
+
+def test_siamfc_is_trained_on_request(place):
+    assert main(["train", "--network", "siamfc", "--output", "out", "--cache", "cache", *TINY]) == 0
+    weights = place / "out" / "siamfc.safetensors"
+    make_siamfc(RecoveryConfig(siamfc_model=str(weights)))()
+    assert sorted(path.name for path in (place / "cache").iterdir())[0] == "0000000.frame_boxes.npy"
 
 
 @pytest.mark.parametrize(
