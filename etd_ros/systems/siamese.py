@@ -31,8 +31,10 @@ class SiameseTracker:
         return Answer(*self._tracker.update(picture))
 
 
-def siamfc_maker(settings: Settings) -> Callable[[], PictureTracker]:
+def siamfc_maker(settings: Settings, seed: int = 0) -> Callable[[], PictureTracker]:  # noqa: ARG001
     """Makes SiamFC trackers, a target each, that share one network: of `recovery.siamfc_model`, or the small one.
+
+    Nothing in it is random.
 
     Raises:
         CompareError: torch or safetensors are missing, or the file named is not one of SiamFC's weights.
@@ -40,8 +42,10 @@ def siamfc_maker(settings: Settings) -> Callable[[], PictureTracker]:
     return _maker(lambda: make_siamfc(settings.recovery))
 
 
-def dasiamrpn_maker(settings: Settings) -> Callable[[], PictureTracker]:
+def dasiamrpn_maker(settings: Settings, seed: int = 0) -> Callable[[], PictureTracker]:  # noqa: ARG001
     """Makes DaSiamRPN trackers, a target each, that share one network: of `recovery.siamrpn_model`, or the compact one.
+
+    Nothing in it is random.
 
     Raises:
         CompareError: torch or safetensors are missing, or the file named is not one of the network's weights.
