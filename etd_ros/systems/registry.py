@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from etd_ros.settings import Settings
+from etd_ros.systems.eco import EcoTracker
 from etd_ros.systems.event_clusters import e_ms_maker
 from etd_ros.systems.interface import CompareError, EventTracker, PictureTracker
 from etd_ros.systems.opencv_trackers import kcf_maker, tld_maker
@@ -52,6 +53,11 @@ class EventSystem(System):
     maker: EventMaker
 
 
+def _eco_maker(settings: Settings, seed: int) -> Callable[[], PictureTracker]:  # noqa: ARG001
+    """ECO is not random and has the paper's parameters."""
+    return EcoTracker
+
+
 _KCF = "KCF (Henriques 2015) of OpenCV"
 _TLD = "TLD (Kalal 2012) of OpenCV"
 _ON_RECONSTRUCTIONS = "on high-pass reconstructions at 100 Hz"
@@ -74,6 +80,12 @@ SYSTEMS: dict[str, System] = {
             feed="reconstruction",
             is_random=True,
             maker=tld_maker,
+        ),
+        PictureSystem(
+            name="eco",
+            description="ECO (Danelljan 2017) with hand-crafted features on video",
+            feed="video",
+            maker=_eco_maker,
         ),
         EventSystem(
             name="e-ms",
