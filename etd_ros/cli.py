@@ -21,6 +21,7 @@ COMMANDS = (
     "nzge",
     "benchmark",
     "evaluate",
+    "label",
     "train",
 )
 EXIT_BAD_INPUT = 2

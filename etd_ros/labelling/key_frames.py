@@ -1,0 +1,136 @@
+"""Key frames: where a target is at the times that somebody looked at."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from etd_ros.boxes import Box
+from etd_ros.errors import EtdError
+from etd_ros.output_files import write_beside
+
+NAME_LENGTH_MAX = 60
+FILE_BYTES_MAX = 64 << 20
+
+
+class LabellingError(EtdError):
+    """Pictures that cannot be shown, or labels that cannot be made, kept or continued."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFrame:
+    """What somebody said of a target at one time.
+
+    Attributes:
+        stamp_ns: the time (ns), a picture's as a rule.
+        box: where it is (pixels); None says that it cannot be seen from here until the next key frame.
+    """
+
+    stamp_ns: int
+    box: Box | None
+
+
+Labels = Mapping[str, tuple[KeyFrame, ...]]
+"""Each target's key frames in order of time, none at the same one; targets in the order in which they were made."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptLabels:
+    """Key frames as kept on disk.
+
+    Attributes:
+        labels: the key frames.
+        is_saved: whether the BOXES.csv beside holds what follows from them.
+        csv_digest: SHA-256 of that file when they were kept; None where there was none.
+    """
+
+    labels: Labels
+    is_saved: bool
+    csv_digest: str | None
+
+
+def checked_name(name: str) -> str:
+    """A target's name without the blanks round it.
+
+    Raises:
+        LabellingError: empty, too long, or not printable.
+    """
+    name = name.strip()
+    if not name or len(name) > NAME_LENGTH_MAX or not name.isprintable():
+        msg = f"target name {name[:NAME_LENGTH_MAX]!r}: give 1 to {NAME_LENGTH_MAX} printable characters"
+        raise LabellingError(msg)
+    return name
+
+
+def with_key_frame(key_frames: tuple[KeyFrame, ...], new: KeyFrame) -> tuple[KeyFrame, ...]:
+    """The key frames with a new one, in the place of one at the same time."""
+    return tuple(sorted((*without_key_frame(key_frames, new.stamp_ns), new), key=lambda key_frame: key_frame.stamp_ns))
+
+
+def without_key_frame(key_frames: tuple[KeyFrame, ...], stamp_ns: int) -> tuple[KeyFrame, ...]:
+    """The key frames without the one at this time (ns)."""
+    return tuple(key_frame for key_frame in key_frames if key_frame.stamp_ns != stamp_ns)
+
+
+def digest_of(path: Path) -> str | None:
+    """SHA-256 of a file in hexadecimal; None where there is no file.
+
+    Raises:
+        LabellingError: it cannot be read.
+    """
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
+    except OSError as err:
+        msg = f"{path}: cannot be read ({err.strerror or err}): check its permissions"
+        raise LabellingError(msg) from err
+
+
+def keep(path: Path, kept: KeptLabels) -> None:
+    """Write key frames as JSON, whole or not at all.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    targets = [
+        {"name": name, "key_frames": [[key.stamp_ns, None if key.box is None else list(key.box)] for key in key_frames]}
+        for name, key_frames in kept.labels.items()
+    ]
+    content = {"is_saved": kept.is_saved, "csv_digest": kept.csv_digest, "targets": targets}
+    write_beside(path, json.dumps(content, indent=1) + "\n")
+
+
+def read_kept(path: Path) -> KeptLabels:
+    """Key frames from `keep`.
+
+    Raises:
+        LabellingError: the file cannot be read, or was not written by `keep`.
+    """
+    try:
+        with path.open("rb") as file:
+            content = json.loads(file.read(FILE_BYTES_MAX))
+        labels = {checked_name(target["name"]): _key_frames(target["key_frames"]) for target in content["targets"]}
+        digest = content["csv_digest"]
+        return KeptLabels(labels, bool(content["is_saved"]), None if digest is None else str(digest))
+    except (OSError, ValueError, TypeError, LookupError, RecursionError, LabellingError) as err:
+        msg = f"{path}: holds no key frames ({err}): remove it to start from the labels beside it"
+        raise LabellingError(msg) from err
+
+
+def _key_frames(items: Any) -> tuple[KeyFrame, ...]:
+    key_frames: tuple[KeyFrame, ...] = ()
+    for stamp_ns, numbers in items:
+        box = None if numbers is None else Box(*(float(number) for number in numbers))
+        if not 0 <= int(stamp_ns) < 2**63:
+            msg = f"a stamp of {stamp_ns} ns"
+            raise ValueError(msg)
+        key_frames = (*key_frames, KeyFrame(int(stamp_ns), box))
+    stamps = [key.stamp_ns for key in key_frames]
+    if any(after <= before for before, after in itertools.pairwise(stamps)):
+        msg = "key frames out of order"
+        raise ValueError(msg)
+    return key_frames
