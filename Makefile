@@ -12,7 +12,7 @@ endif
 # A guard that the ROS wheels leave behind in the shell of another environment: it must not reach this one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test browser lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' $(MAKEFILE_LIST)
@@ -23,14 +23,18 @@ setup: ## make .venv with all that is needed (does nothing when done)
 demo: setup ## track the bundled recording live, over ROS 2
 	@$(BIN)/python -m etd_ros demo --output demo
 
-test: lint ## all checks and tests
+test: lint browser ## all checks and tests
 	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python -m pytest
+
+browser: ## get Chromium for the tests of the labelling page (as root with apt; does nothing when it is there)
+	@$(PYTHON) scripts/get_browser.py
 
 lint: setup ## style and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/mypy scripts/set_up.py
+	$(BIN)/mypy scripts/get_browser.py
 
 bench: setup .venv-bench/.done ## measure speed beside other packages, in .venv-bench, and the live node; writes benchmarks/
 	@.venv-bench/bin/python -m etd_ros benchmark event-path tracker --write benchmarks

@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 PACKAGE = "etd_ros"
 NODES = ("accumulator", "pipeline", "reconstruction", "replay", "tracker")
 BENCHMARK_PEERS = ["dv-processing>=2.0", "evt3>=0.4", "expelliarmus>=1.1", "frames2py>=1.1", "tonic>=1.6"]
-TEST_REQUIREMENTS = ["hypothesis", "pytest"]
+TEST_REQUIREMENTS = ["hypothesis", "pytest", "selenium"]
 
 
 def shared(*folders: str) -> list[tuple[str, list[str]]]:
@@ -22,7 +22,10 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=["etd_ros", "etd_ros.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={"etd_ros": ["py.typed", "recovery/weights/*.safetensors"], "msg_adapters": ["py.typed"]},
+    package_data={
+        "etd_ros": ["py.typed", "labelling/page/*", "recovery/weights/*.safetensors"],
+        "msg_adapters": ["py.typed"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -113,7 +113,7 @@ class LabelSession:
             self.is_saved = True
             self._keep()
             rows = sum(map(len, boxes.values()))
-            notice = f"{rows} boxes of {len(boxes)} target{'s' if len(boxes) > 1 else ''} saved"
+            notice = f"{_counted(rows, 'box', 'boxes')} of {_counted(len(boxes), 'target', 'targets')} saved"
             single = [name for name, rows_of_one in boxes.items() if len(rows_of_one) < 2]
             if single:
                 notice += f"; {', '.join(single)}: label at two times or more, since tracking starts from the first"
@@ -225,6 +225,10 @@ def _chosen(key_frames: Sequence[KeyFrame], change: Mapping[str, Any]) -> KeyFra
         msg = f"there is no key frame {index!r}"
         raise LabellingError(msg)
     return key_frames[index]
+
+
+def _counted(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"
 
 
 def _is_number(value: object) -> bool:

@@ -15,6 +15,8 @@ let active = null; // name of the target that is worked on
 let current = 0; // number of the picture
 let playing = null;
 let waiting = Promise.resolve();
+let unanswered = 0; // changes sent
+let latest = null; // the server's last state
 
 // --- the server -----------------------------------------------------------------------------------------------------
 
@@ -23,23 +25,26 @@ function say(text, isError = false) {
   element("message").className = isError ? "error" : "";
 }
 
-// Changes are sent one after another, in the order in which they were made.
+// Changes are sent one after another, in the order in which they were made. What they lead to is shown when all have
+// been answered: an answer in between would take back what was done since.
 function send(path, content) {
+  unanswered += 1;
   waiting = waiting.then(async () => {
     try {
       const answer = await fetch(path, {
         method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
       });
       const result = await answer.json();
-      if (result.error) say(result.error, true);
-      else {
-        say(result.notice ?? "");
-        show(result);
-      }
+      say(result.error ?? result.notice ?? "", Boolean(result.error));
+      if (!result.error) latest = result;
     } catch (error) {
       say("The program has ended. What was drawn before is kept: run the same `label` command to go on.", true);
     }
-    view.answered();
+    unanswered -= 1;
+    if (unanswered === 0) {
+      view.answered();
+      show(latest);
+    }
   });
   return waiting;
 }
@@ -47,7 +52,8 @@ function send(path, content) {
 const edit = (action, content = {}) => send("edit", { action, ...content });
 
 function show(state) {
-  labels = state;
+  latest = state;
+  labels = structuredClone(state);
   if (!labels.targets.some((target) => target.name === active)) active = labels.targets[0]?.name ?? null;
   drawAll();
 }
@@ -215,7 +221,11 @@ function rename(name, wanted) {
 
 function drawn(name, box) {
   active = name;
+  // The next change may build upon this one before the answer is there.
+  const target = targetOf(name);
+  if (target) target.boxes[current] = box;
   edit("box", { target: name, picture: current, box });
+  drawAll();
 }
 
 function makeKey() {
