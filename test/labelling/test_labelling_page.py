@@ -263,6 +263,21 @@ def test_targets_are_added_by_name_renamed_chosen_and_deleted(page, output):
     assert list(read_boxes(output)) == ["quadrotor"]
 
 
+def test_a_box_drawn_before_the_answer_to_a_new_name_is_that_targets(page, output):
+    page.browser.execute_script(
+        """
+        window.send = window.fetch.bind(window);
+        const isReleased = new Promise((done) => { window.release = done; });
+        window.fetch = (...request) => isReleased.then(() => window.send(...request));
+        """
+    )
+    page.press("n")
+    page.press("drone", Keys.ENTER)
+    page.draw((10, 10, 20, 20))
+    page.browser.execute_script("window.release()")
+    page.here("drone: x 10, y 10, w 20, h 20 (key frame)")
+
+
 def test_changes_are_undone_and_done_again(page):
     page.draw((10, 10, 20, 20))
     page.here("x 10")

@@ -106,7 +106,12 @@ function step(now) {
 // --- what is shown --------------------------------------------------------------------------------------------------
 
 const targetOf = (name) => labels.targets.find((target) => target.name === name);
-const keyIndex = (target) => target?.keys.findIndex((key) => Math.round(key.at) === current) ?? -1;
+// Labels made elsewhere may have key frames between the pictures: the nearest one counts where none is on the picture.
+function keyIndex(target) {
+  const keys = target?.keys ?? [];
+  const exact = keys.findIndex((key) => key.at === current);
+  return exact >= 0 ? exact : keys.findIndex((key) => Math.round(key.at) === current);
+}
 
 // Of a target without a box here, the box of its last key frame, or else of its next: to be taken on from there.
 function ghostOf(target) {
@@ -132,16 +137,17 @@ function newName() {
   return `target_${number}`;
 }
 
+// The target that a new box is drawn for; it may be one whose making has not been answered yet.
 function activeTarget() {
   const index = labels.targets.findIndex((target) => target.name === active);
-  return index < 0 ? { name: newName(), colour: colourOf(labels.targets.length) } : { name: active, colour: colourOf(index) };
+  return { name: active ?? newName(), colour: colourOf(index < 0 ? labels.targets.length : index) };
 }
 
 function drawAll() {
   view.draw();
   timeline.draw(labels.targets, active, current);
   element("slider").value = current;
-  element("time").textContent = `${current + 1} / ${count}   ${sequence.times_s[current].toFixed(3)} s`;
+  element("time").textContent = `${current + 1} / ${count} · ${sequence.times_s[current].toFixed(3)} s`;
   element("zoom").textContent = `${view.zoom} ×`;
   element("undo").disabled = !labels.can_undo;
   element("redo").disabled = !labels.can_redo;
