@@ -1,4 +1,4 @@
-"""Frames as eyes want them: each over those of the milliseconds before it, and no more pictures than can be seen."""
+"""Frames as eyes want them: each over those of the milliseconds before it, beside the last image."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ class Afterglow:
         return np.asarray(shown, np.uint8)
 
 
-class PictureRate:
-    """Says which moments get a picture, so that there are at most `per_s` of them a second."""
+class LastImage:
+    """The newest intensity image there was: a method that looks at few has none made for most frames."""
 
-    def __init__(self, per_s: float) -> None:
-        self._interval_ns = round(1e9 / per_s)
-        self._slot: int | None = None
+    def __init__(self) -> None:
+        self._image: FrameData | None = None
 
-    def is_due(self, now_ns: int) -> bool:
-        """Whether a picture is due at `now_ns` (ns, on any clock); a clock that goes back starts anew."""
-        slot = now_ns // self._interval_ns
-        is_due = slot != self._slot
-        self._slot = slot
-        return is_due
+    def take(self, image: FrameData | None) -> None:
+        """Take the next frame's image, uint8, shape (h, w); None where it has none. It is kept, not copied."""
+        self._image = self._image if image is None else image
+
+    def at(self, size: tuple[int, ...]) -> FrameData | None:
+        """The image, if there is one of this height and width (pixels)."""
+        return self._image if self._image is not None and self._image.shape == size else None

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
+from etd_ros.cadence import Cadence
 from etd_ros.conversion import (
     ENTROPY_TARGETS,
     AtsltdConverter,
@@ -49,11 +50,13 @@ class Part:
     Attributes:
         batch: with the batch's first part only.
         frame: None where the batch finishes no frame.
+        has_image: whether the method looks at the frame's intensity image.
         image: the intensity image at the frame's stamp, uint8 (height, width), once it is made.
     """
 
     batch: StreamBatch | None
     frame: Frame | None
+    has_image: bool = True
     image: npt.NDArray[np.uint8] | None = None
 
 
@@ -63,7 +66,7 @@ class Step:
 
     Attributes:
         frame: the frame.
-        image: the intensity image at its stamp, uint8 (height, width), where the method recovers.
+        image: the intensity image at its stamp, uint8 (height, width), where the method looks at one.
         reports: the targets' states, in the order of their start.
         notices: what there is to say of clicks that start nothing.
     """
@@ -98,11 +101,19 @@ class FrameSource:
         settings: of the filter and the converters.
         regions: where NZGE is measured if `settings.atsltd.entropy_region` says so. Emptied here and by `reset`:
             boxes of another stream or sensor say nothing about this one.
+        image_interval_s: only the first frame in each such interval is to have an intensity image; 0: every frame.
     """
 
     def __init__(
-        self, conversion: str, width: int, height: int, settings: Settings, regions: SearchRegions | None = None
+        self,
+        conversion: str,
+        width: int,
+        height: int,
+        settings: Settings,
+        regions: SearchRegions | None = None,
+        image_interval_s: float = 0.0,
     ) -> None:
+        self._cadence = Cadence(image_interval_s)
         self._regions = SearchRegions() if regions is None else regions
         self._regions.boxes = None
         self._filter = (
@@ -126,7 +137,7 @@ class FrameSource:
         """The same for the stages that follow: a part for each frame, and one part where there is none."""
         rest: StreamBatch | None = batch
         for frame in self.frames(batch.events):
-            yield Part(rest, frame)
+            yield Part(rest, frame, self._cadence.is_due(frame.stamp_ns))
             rest = None
         if rest is not None:
             yield Part(rest, None)
@@ -140,7 +151,7 @@ class FrameSource:
 
 
 class ImageSource:
-    """Reconstruction: the stage that gives each frame its intensity image.
+    """Reconstruction: the stage that gives frames their intensity images.
 
     A frame ends with an event of its batch or before one, so its image is complete once that batch is known.
     """
@@ -149,18 +160,21 @@ class ImageSource:
         self._reconstruction = SynchronisedReconstruction(HighPassFilter(width, height, settings.reconstruction))
 
     def take(self, part: Part) -> Part:
-        """The part with its image.
+        """The part, with its image if it is to have one.
 
         Raises:
             ReconstructionError: the batch is of another sensor size.
             EngineError: the frame came without the batch that finished it.
         """
         # The stamp goes first: events held back for a stamp that is not known yet are bounded.
-        if part.frame is not None:
+        if part.frame is not None and part.has_image:
             self._reconstruction.request(part.frame.stamp_ns)
         if part.batch is not None:
             self._reconstruction.push(part.batch.events)
         if part.frame is None:
+            return part
+        if not part.has_image:
+            self._reconstruction.pass_by(part.frame.stamp_ns)
             return part
         images = dict(self._reconstruction.ready())
         if list(images) != [part.frame.stamp_ns]:
@@ -317,8 +331,8 @@ def _ahead(items: Iterable[T], in_thread: bool) -> Iterator[Iterable[T]]:
 
 
 def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions) -> Iterator[Part]:
-    conversion = method_named(method).conversion
-    sources = PerSensor(lambda width, height: FrameSource(conversion, width, height, settings, regions))
+    chosen = method_named(method)
+    sources = PerSensor(lambda w, h: FrameSource(chosen.conversion, w, h, settings, regions, chosen.image_interval_s))
     for batch in streams:
         yield from sources.at(batch).parts(batch)
 

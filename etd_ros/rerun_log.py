@@ -21,7 +21,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.afterglow import Afterglow, FrameData, PictureRate
+from etd_ros.afterglow import Afterglow, FrameData
+from etd_ros.cadence import Cadence
 from etd_ros.errors import EtdError
 from etd_ros.output_files import check_outputs, renamed_at_the_end
 from etd_ros.overlay import STATE_COLOURS, colour_events
@@ -162,8 +163,9 @@ class RerunLog:
         self._recording = recording
         self._drain = drain
         self._afterglow = Afterglow()
+        self._new_image: FrameData | None = None
         self._shape: tuple[int, ...] = ()
-        self._rate = PictureRate(PICTURES_PER_S)
+        self._rate = Cadence(1 / PICTURES_PER_S)
         self._rows: list[_Row] = []
         self._states: dict[str, TargetState] = {}
 
@@ -188,13 +190,14 @@ class RerunLog:
             RerunError: the disk is almost full.
         """
         self._afterglow.take(stamp_ns, frame_data)
+        self._new_image = self._new_image if image is None else image
         self._rows.append(_Row(stamp_ns, reports, nzge))
         self._log_changes(stamp_ns, reports)
         if frame_data.shape != self._shape:
             self._shape = frame_data.shape
-            self._rate = PictureRate(min(PICTURES_PER_S, PIXELS_PER_S / (frame_data.size / 2)))
+            self._rate = Cadence(max(1 / PICTURES_PER_S, frame_data.size / 2 / PIXELS_PER_S))
         if self._rate.is_due(stamp_ns):
-            self._log_picture(stamp_ns, image)
+            self._log_picture(stamp_ns)
             self.flush()
 
     def flush(self) -> None:
@@ -220,15 +223,17 @@ class RerunLog:
             self._recording.log("states", self._rerun.TextLog(text, level=LOG_LEVELS[state]))
         self._states = states
 
-    def _log_picture(self, stamp_ns: int, image: npt.NDArray[np.uint8] | None) -> None:
-        """Events without loss, because compression would smear single pixels; images as JPEG, a fifth of the size."""
+    def _log_picture(self, stamp_ns: int) -> None:
+        """Events without loss, because compression would smear single pixels; the newest image, if it is not logged
+        yet, as JPEG, a fifth of the size."""
         self._set_time(stamp_ns)
         _, events = cv2.imencode(".png", colour_events(self._afterglow.frame()), PNG_OPTIONS)
         self._recording.log("events", self._rerun.EncodedImage(contents=events.tobytes(), media_type="image/png"))
-        if image is not None:
-            _, encoded = cv2.imencode(".jpg", image, JPEG_OPTIONS)
+        if self._new_image is not None:
+            _, encoded = cv2.imencode(".jpg", self._new_image, JPEG_OPTIONS)
             picture = self._rerun.EncodedImage(contents=encoded.tobytes(), media_type="image/jpeg")
             self._recording.log("reconstruction", picture)
+            self._new_image = None
 
     def _send_boxes(self, rows: Sequence[_Row]) -> None:
         found = [[report for report in row.reports if report.box is not None] for row in rows]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.afterglow import Afterglow, FrameData
+from etd_ros.afterglow import Afterglow, FrameData, LastImage
 from etd_ros.evaluation import TimedBox
 from etd_ros.evaluation.overlaps import true_box
 from etd_ros.overlay import OverlayError, Picture, VideoWriter, draw_overlay
@@ -78,6 +78,7 @@ class TrackingVideo:
         self._truth = truth
         self._history = History()
         self._afterglow = Afterglow()
+        self._image = LastImage()
         self._newest: _Shown | None = None
         self._picture: Picture | None = None
         self._start_ns = 0
@@ -92,6 +93,8 @@ class TrackingVideo:
     ) -> None:
         """Take the next frame; the arguments are those of `draw_overlay`. The arrays are kept, not copied.
 
+        Where a frame has no image, the last one goes on being shown.
+
         Raises:
             OverlayError: the picture cannot be drawn, or the video cannot be written.
         """
@@ -102,7 +105,8 @@ class TrackingVideo:
             self._write()
         self._history.take(stamp_ns, reports)
         self._take(stamp_ns, frame_data)
-        self._newest = _Shown(stamp_ns, frame_data.shape[1], reports, image)
+        self._image.take(image)
+        self._newest = _Shown(stamp_ns, frame_data.shape[1], reports, self._image.at(frame_data.shape[:2]))
         self._picture = None
 
     def _take(self, stamp_ns: int, pixels: npt.NDArray[np.uint8]) -> None:

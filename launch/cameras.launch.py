@@ -16,6 +16,8 @@ READ_EVENTS = ("accumulator", "reconstruction", "pipeline")
 TRACK = ("tracker", "pipeline")
 CONVERSIONS = {"etd-plus": "atsltd_fine", "etd-ftw": "fixed_window"}
 OTHER_CONVERSION = "atsltd"
+ONE_IMAGE_IN_A_WHILE = "etd-plus"
+"""The other methods look at the image of every frame."""
 CAMERA = "{camera}"
 """Stands for the camera's name in other arguments."""
 
@@ -28,7 +30,7 @@ ARGUMENTS = {
         PathJoinSubstitution([FindPackageShare("etd_ros"), "config", "etd_ros.yaml"]),
         "parameter file; arguments that are empty leave the parameters as they are there",
     ),
-    "method": ("", "tracking method; the accumulator makes the frames that it needs"),
+    "method": ("", "tracking method; the other nodes make the frames and images that it needs"),
     "targets_file": ("", "BOXES.csv: targets start at the first row of each name"),
     "targets": ("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'"),
     "auto": ("", "true: moving objects become targets auto_1, auto_2, ... by themselves"),
@@ -81,6 +83,8 @@ def _parameters(name: str, values: dict[str, str]) -> dict[str, object]:
     if name == "accumulator" and values["method"]:
         conversion = CONVERSIONS.get(values["method"], OTHER_CONVERSION)
         parameters["conversion"] = ParameterValue(conversion, value_type=str)
+    if name == "reconstruction" and values["method"] not in ("", ONE_IMAGE_IN_A_WHILE):
+        parameters["image_interval_s"] = 0.0
     if name in TRACK:
         texts = {key: values[key] for key in ("method", "targets_file", "targets") if values[key]}
         parameters |= {key: ParameterValue(text, value_type=str) for key, text in texts.items()}

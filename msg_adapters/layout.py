@@ -153,8 +153,13 @@ class Writer:
         self._pack(_U64, value)
 
     def f64(self, *values: float) -> None:
-        for value in values:
-            self._pack(_F64, value)
+        try:
+            data = struct.pack(f"<{len(values)}d", *values)
+        except struct.error as err:
+            msg = f"{values} are not numbers ({err}): give floats"
+            raise MessageError(msg) from err
+        self._align(_F64.size)
+        self._append(data)
 
     def string(self, text: str) -> None:
         """A string.
@@ -192,9 +197,13 @@ class Writer:
         except struct.error as err:
             msg = f"{value} does not fit the message's field of {form.size} bytes ({err}): give a value in range"
             raise MessageError(msg) from err
-        if self.layout is Layout.ROS2:
-            self._append(bytes(-self._size % form.size))
+        self._align(form.size)
         self._append(data)
+
+    def _align(self, size: int) -> None:
+        """Fill up to a multiple of a field's size, as the ROS 2 layout has it."""
+        if self.layout is Layout.ROS2:
+            self._append(bytes(-self._size % size))
 
 
 def byte_view(message: MessageBytes) -> memoryview:

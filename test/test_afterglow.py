@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from etd_ros.afterglow import FADE_NS, GONE_NS, Afterglow, PictureRate
+from etd_ros.afterglow import FADE_NS, GONE_NS, Afterglow, LastImage
 
 MS = 1_000_000
 
@@ -49,14 +49,11 @@ def test_time_that_goes_back_and_another_size_start_anew(stamp_ns, width):
     assert np.array_equal(glow.frame(), one_pixel(1, width=width))
 
 
-def test_pictures_are_due_as_often_as_asked():
-    rate = PictureRate(30)
-    assert sum(rate.is_due(now_ns) for now_ns in range(0, 1000 * MS, MS)) == 30
-    slow = PictureRate(30)
-    assert all(slow.is_due(now_ns) for now_ns in range(0, 1000 * MS, 50 * MS))
-
-
-def test_a_clock_that_goes_back_gets_pictures_at_once():
-    rate = PictureRate(30)
-    assert rate.is_due(10**12)
-    assert rate.is_due(0)
+def test_the_last_image_stands_for_frames_without_one():
+    last, image = LastImage(), np.ones((4, 8), np.uint8)
+    last.take(None)
+    assert last.at((4, 8)) is None
+    last.take(image)
+    last.take(None)
+    assert last.at((4, 8)) is image
+    assert last.at((4, 9)) is None

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
+from concurrent.futures import Future
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
 from sensor_msgs.msg import Image
 
-from etd_ros.conversion import ENTROPY_TARGETS
+from etd_ros.conversion import ENTROPY_TARGETS, Frame
 from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, make_tracker, nzge_interval
 from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
@@ -21,6 +24,9 @@ from etd_ros.stream import StreamBatch
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import EventMessage, Level, encode_image
 
+Image8 = npt.NDArray[np.uint8]
+PendingImage = Future[Image8 | None]
+"""An intensity image, uint8 of shape (height, width), that is being made; None where that fails."""
 PARTS_AHEAD = 2
 """Frames that may wait for reconstruction, and as many for the tracker."""
 LONGER_FRAMES = ((0.1, 0.004), (0.05, 0.002), (0.0, 0.0))
@@ -44,9 +50,9 @@ class Origin:
 class Pipeline(EtdNode):
     """Decodes events once and hands frames over without serialisation; publishes only what somebody reads.
 
-    Three threads: the worker decodes and converts, so that it takes a fast camera's events as they come, the next one
-    reconstructs, the last one tracks and publishes. Where NZGE is measured in the targets' search regions, the worker
-    does it all.
+    Three threads: the worker decodes and converts, so that it takes a fast camera's events as they come, one
+    reconstructs, one tracks and publishes, which waits for the images that it looks at. Where NZGE is measured in the
+    targets' search regions, the worker does it all.
     """
 
     def __init__(self) -> None:
@@ -58,7 +64,9 @@ class Pipeline(EtdNode):
         make_tracker(self.options.method, 1, 1, self.settings)
         method = self._method = method_named(self.options.method)
         self._regions = SearchRegions()
-        self._frame_sources = PerSensor(lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions))
+        self._frame_sources = PerSensor(
+            lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions, method.image_interval_s)
+        )
         self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
         self._figures = FrameFigures(nzge_interval(method.conversion, self.settings))
         self._tracker: MultiTracker | None = None
@@ -77,7 +85,7 @@ class Pipeline(EtdNode):
         self._input.open()
 
     def deactivate(self) -> None:
-        """Read no more, and end the threads, the last one first: an earlier one may be waiting for it."""
+        """Read no more, and end the threads. The tracking waits for the imaging, so it ends first."""
         self._input.close()
         self._tracking.stop()
         self._imaging.stop()
@@ -158,19 +166,23 @@ class Pipeline(EtdNode):
             source.last_at_least(next(s for share, s in LONGER_FRAMES if late_s >= share * self.options.queue_s))
 
     def _hand_over(self, part: Part, origin: Origin) -> None:
+        frame, image = part.frame, None
         if self._method.recovers:
-            self._imaging.submit(lambda: self._reconstruct(part, origin))
-        elif part.frame is not None:
-            self._tracking.submit(lambda: self._track(part, origin))
+            image = PendingImage() if frame is not None and part.has_image else None
+            self._imaging.submit(lambda: self._reconstruct(part, image))
+        if frame is not None:
+            self._tracking.submit(lambda: self._track(frame, image.result() if image is not None else None, origin))
 
-    def _reconstruct(self, part: Part, origin: Origin) -> None:
-        imaged = self._image_sources.at(part.batch).take(part)
-        if imaged.frame is not None:
-            self._tracking.submit(lambda: self._track(imaged, origin))
+    def _reconstruct(self, part: Part, pending: PendingImage | None) -> None:
+        image = None
+        try:
+            image = self._image_sources.at(part.batch).take(part).image
+        finally:
+            if pending is not None:
+                pending.set_result(image)
 
-    def _track(self, part: Part, origin: Origin) -> None:
-        frame, image, frame_id = part.frame, part.image, origin.frame_id
-        assert frame is not None
+    def _track(self, frame: Frame, image: Image8 | None, origin: Origin) -> None:
+        frame_id = origin.frame_id
         height, width = shape = frame.data.shape[:2]
         if self._tracker is None or shape != self._tracker_shape:
             self._tracker = make_tracker(

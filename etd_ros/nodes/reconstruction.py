@@ -4,25 +4,41 @@ from __future__ import annotations
 
 import sys
 from collections import deque
+from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
 
+from etd_ros.cadence import Cadence
 from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.running import run_node
+from etd_ros.parameters import parameter
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.stream import StreamBatch
+from etd_ros.tracking import DEFAULT_METHOD, METHODS
 from msg_adapters import EventMessage, MessageError, decode_image, encode_image
 
 STAGES = ("stream", "reconstruction")
 EARLY_STAMPS_MAX = 1000
 
 
+@dataclass(frozen=True, slots=True)
+class ReconstructionOptions(NodeOptions):
+    """Parameters of the reconstruction."""
+
+    image_interval_s: float = parameter(
+        METHODS[DEFAULT_METHOD].image_interval_s,
+        "the first frame in each such interval (s) has an image; 0: every frame, as etd and etd-ftw need it",
+        low=0.0,
+        high=60.0,
+    )
+
+
 class Reconstruction(EtdNode):
     """Publishes `~/image_raw` while somebody subscribes to it; reads `accumulator/frames` for their stamps alone."""
 
     def __init__(self) -> None:
-        super().__init__("reconstruction", STAGES, NodeOptions)
+        super().__init__("reconstruction", STAGES, ReconstructionOptions)
         self._input = EventInput(self, self._on_events, self.is_wanted)
 
     def configure(self) -> None:
@@ -30,6 +46,7 @@ class Reconstruction(EtdNode):
         self._images = self.publisher(Image, "~/image_raw")
         self._reconstruction: SynchronisedReconstruction | None = None
         self._size = (0, 0)
+        self._cadence = Cadence(self.options.image_interval_s)
         self._frame_id = ""
         self._early_stamps: deque[int] = deque(maxlen=EARLY_STAMPS_MAX)
         self._received_s = 0.0
@@ -85,8 +102,9 @@ class Reconstruction(EtdNode):
         except MessageError as err:
             self.count_error(err)
             return
-        # The pixels are not queued: they would take the events' room.
-        self.request(lambda: self._on_stamp(stamp_ns))
+        if self._cadence.is_due(stamp_ns):
+            # The pixels are not queued: they would take the events' room.
+            self.request(lambda: self._on_stamp(stamp_ns))
 
     def _on_stamp(self, stamp_ns: int) -> None:
         if self._reconstruction is None:

@@ -15,8 +15,9 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.afterglow import Afterglow, PictureRate
+from etd_ros.afterglow import Afterglow, LastImage
 from etd_ros.boxes import Box
+from etd_ros.cadence import Cadence
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
@@ -267,8 +268,9 @@ class TrackingOutput:
         self._search_regions = node.publisher(Detection2DArray, "~/search_regions")
         self._status = node.publisher(DiagnosticArray, "~/status")
         self._overlay = node.publisher(Image, "~/overlay")
-        self._overlay_rate = PictureRate(OVERLAYS_PER_S)
+        self._overlay_rate = Cadence(1 / OVERLAYS_PER_S)
         self._afterglow = Afterglow()
+        self._image = LastImage()
         self._rerun = RerunOutput(node, node.options.rerun)
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._frames_tracked = 0
@@ -320,23 +322,26 @@ class TrackingOutput:
         """Say what one frame brought; stamps, frame_id and NZGE are those of the frame."""
         self._frames_tracked += 1
         self._states = {report.name: report.state for report in reports}
-        detections = [
-            Detection(id=report.name, box=report.box, score=report.score, class_id=report.name)
-            for report in reports
-            if report.box is not None
-        ]
-        self._boxes += len(detections)
-        self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
-        statuses = [self._status_of(report, frame_id) for report in reports]
-        self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))
+        found = [(report, report.box) for report in reports if report.box is not None]
+        self._boxes += len(found)
+        if self._detections.get_subscription_count():
+            detections = [
+                Detection(id=report.name, box=box, score=report.score, class_id=report.name) for report, box in found
+            ]
+            self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
+        if self._status.get_subscription_count():
+            statuses = [self._status_of(report, frame_id) for report in reports]
+            self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))
         if self._search_regions.get_subscription_count():
             regions = [Detection(id="", box=box, score=1.0, class_id="") for box in search_regions or ()]
             self._search_regions.publish(encode_detections(regions, stamp_ns=stamp_ns, frame_id=frame_id))
         self._rerun.add(stamp_ns, frame, reports, image, nzge)
         if self._overlay.get_subscription_count():
             self._afterglow.take(stamp_ns, frame)
+            self._image.take(image)
             if self._overlay_rate.is_due(time.monotonic_ns()):
-                picture = draw_overlay(self._afterglow.frame(), reports, image=image, stamp_ns=stamp_ns)
+                shown = self._image.at(frame.shape[:2])
+                picture = draw_overlay(self._afterglow.frame(), reports, image=shown, stamp_ns=stamp_ns)
                 self._overlay.publish(encode_image(picture, stamp_ns=stamp_ns, frame_id=frame_id))
 
     def _status_of(self, report: TargetReport, frame_id: str) -> DiagnosticStatus:

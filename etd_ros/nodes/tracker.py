@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image
 
+from etd_ros.cadence import Cadence
 from etd_ros.engine import make_tracker
 from etd_ros.nodes.base import EtdNode, NodeOptions
 from etd_ros.nodes.connections import Arrivals
@@ -41,7 +42,7 @@ class TrackerOptions(TrackingOptions):
 
 
 class FramePairs:
-    """Joins each frame with the image of the same stamp.
+    """Joins frames with the images of the same stamps, where there is to be one.
 
     A frame does not wait longer than `wait_s` seconds, and all that wait hold at most `max_bytes`: beyond it the oldest
     is tracked without its image.
@@ -52,12 +53,12 @@ class FramePairs:
         self.wait_s = wait_s
         self._max_bytes = max_bytes
         self._waiting_bytes = 0
-        self._frames: deque[tuple[float, ImageMessage]] = deque()
+        self._frames: deque[tuple[float, ImageMessage, bool]] = deque()
         self._images: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
-    def add_frame(self, frame: ImageMessage, received_s: float) -> None:
+    def add_frame(self, frame: ImageMessage, received_s: float, *, has_image: bool = True) -> None:
         """A frame has come, at `received_s` (s, monotonic)."""
-        self._frames.append((received_s, frame))
+        self._frames.append((received_s, frame, has_image))
         self._waiting_bytes += frame.data.nbytes
 
     def add_image(self, image: ImageMessage) -> None:
@@ -75,18 +76,18 @@ class FramePairs:
         """
         if not self._frames:
             return None
-        received_s, frame = self._frames[0]
-        image = self._images.pop(frame.stamp_ns, None)
-        if image is None and not self._is_overdue(known_until_s - received_s):
+        received_s, frame, has_image = self._frames[0]
+        image = self._images.pop(frame.stamp_ns, None) if has_image else None
+        if has_image and image is None and not self._is_overdue(known_until_s - received_s):
             return None
         self._frames.popleft()
         self._waiting_bytes -= frame.data.nbytes
-        self.frames_without_image += image is None
+        self.frames_without_image += has_image and image is None
         return received_s, frame, image
 
     def _is_overdue(self, waited_s: float) -> bool:
         """Images come in the frames' order: one of a later frame says that this one's will not come."""
-        later_has_image = any(later.stamp_ns in self._images for _, later in list(self._frames)[1:])
+        later_has_image = any(later.stamp_ns in self._images for _, later, _ in list(self._frames)[1:])
         is_too_much = self._waiting_bytes > self._max_bytes
         return later_has_image or is_too_much or self.wait_s == 0 or waited_s >= self.wait_s
 
@@ -100,7 +101,9 @@ class Tracker(EtdNode):
     def configure(self) -> None:
         """Make what does not wait for a frame to tell the sensor's size."""
         make_tracker(self.options.method, 1, 1, self.settings)
-        self._recovers = method_named(self.options.method).recovers
+        method = method_named(self.options.method)
+        self._recovers = method.recovers
+        self._cadence = Cadence(method.image_interval_s)
         self._targets = TargetInput(self)
         self._output = TrackingOutput(self)
         self._pairs = FramePairs(0.0, int(self.options.queue_mib * 2**20))
@@ -160,7 +163,7 @@ class Tracker(EtdNode):
             topic = self.resolve_topic_name("accumulator/frames")
             msg = f"{topic}: encoding {frame.encoding} is not 8UC2: remap it to frames"
             raise MessageError(msg)
-        self._pairs.add_frame(frame, received_s)
+        self._pairs.add_frame(frame, received_s, has_image=self._cadence.is_due(frame.stamp_ns))
         self._advance()
 
     def _take_image(self, message: bytes) -> None:

@@ -86,6 +86,11 @@ class SynchronisedReconstruction:
         if len(self._requests) > REQUESTS_AHEAD_MAX:
             self._is_ahead_of_reset = False
 
+    def pass_by(self, stamp_ns: int) -> None:
+        """There is no image at this stamp (ns), which follows the last one asked for: what came before it is integrated
+        now, so that the next image does not wait for all of it. Call it where events and stamps are known at once."""
+        self._integrate_before(stamp_ns)
+
     def ready(self) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
         """The (stamp, image) pairs asked for whose events have all been seen; images are uint8, shape (h, w)."""
         while self._requests and not self._is_ahead_of_reset:

@@ -51,9 +51,10 @@ UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 the look is a wide one."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
-REMEMBER_NS = 50_000_000
-IMAGE_SEARCH_NS = {TargetState.RECOVERING: 50_000_000, TargetState.LOST: 200_000_000}
-"""How often images are searched. An answer counts from the next time on, however long it took."""
+REMEMBER_NS = 25_000_000
+IMAGE_SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
+"""After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
+answer counts from the next search on, however long it took."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 

@@ -41,7 +41,8 @@ class RecentEvents:
         if stamp_ns < self.stamp_ns:
             self.forget()
         start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
-        enter(self._times, data, start_ns, stamp_ns - start_ns)
+        levels = np.ascontiguousarray(data).view(np.uint16).ravel()
+        enter(self._times.ravel(), levels, start_ns, stamp_ns - start_ns)
         self.stamp_ns = stamp_ns
 
     def forget(self) -> None:

@@ -56,6 +56,16 @@ def test_a_frame_is_given_up_only_where_every_image_of_its_wait_has_been_seen():
     assert popped(pairs, time.monotonic() + 61.0) == [(1, False)]
 
 
+def test_a_frame_that_has_no_image_waits_for_none_and_is_not_counted():
+    pairs = FramePairs(60.0, 1 << 20)
+    pairs.add_frame(frame(1), time.monotonic(), has_image=False)
+    pairs.add_frame(frame(2), time.monotonic())
+    assert popped(pairs) == [(1, False)]
+    pairs.add_image(image(2))
+    assert popped(pairs) == [(2, True)]
+    assert pairs.frames_without_image == 0
+
+
 def test_without_a_wait_frames_go_on_at_once():
     pairs = FramePairs(0.0, 1 << 20)
     pairs.add_frame(frame(1), time.monotonic())
