@@ -38,13 +38,13 @@ ROS2_TAIL_BYTES = 3
 IntArray = npt.NDArray[np.int64]
 
 
-def event_packet(events: Events, encoding: str, payload: bytes, time_base_ns: int) -> bytes:
+def event_packet(events: Events, encoding: str, payload: bytes, time_base_ns: int, seq: int = 0) -> bytes:
     """A ROS 2 EventPacket of one or more events with this payload."""
     writer = Writer(Layout.ROS2)
     write_header(writer, Header(int(events.t[-1]), FRAME_ID))
     writer.u32(events.height)
     writer.u32(events.width)
-    writer.u64(0)
+    writer.u64(seq)
     writer.u64(time_base_ns)
     writer.string(encoding)
     writer.u8(0)

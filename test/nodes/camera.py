@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,7 +78,7 @@ class Camera:
         """Until so many nodes read the events."""
         self._bench.wait_until(lambda: self._publisher.get_subscription_count() == count, "the events are read")
 
-    def play(self, shots: Iterable[Shot]) -> None:
+    def play(self, shots: Iterable[Shot], encode: Callable[[Shot], bytes] = Shot.encoded) -> None:
         """Publish; each message waits for the boxes to be near, but not for ever: a node may not be linked yet."""
         before_ns = None
         for shot in shots:
@@ -87,7 +87,7 @@ class Camera:
             else:
                 self.latest_ns = shot.end_ns
             before_ns = shot.end_ns
-            self.send(shot.encoded())
+            self.send(encode(shot))
         assert before_ns is not None
         self._bench.wait_until(lambda: abs(self.latest_ns - before_ns) < AHEAD_NS, "the last boxes come")
 

@@ -5,9 +5,10 @@ import random
 
 import numpy as np
 import pytest
-from camera import Camera, shots_of
+from camera import Camera, Shot, shots_of
 from conftest import Bench
 
+from etd_ros.benchmarking.encoders import event_packet, libcaer_cmp_payload
 from etd_ros.events import Events
 from msg_adapters import encode_event_packet
 
@@ -106,6 +107,20 @@ def test_another_sensor_and_back_again_starts_the_targets_anew(bench, camera, sh
     camera.play(dataclasses.replace(shot, seq=shot.seq + 51, shift_ns=600_000_000) for shot in shots[10:120])
     bench.wait_until(lambda: counted(bench, "stream restarts") == 2, "the first one is back")
     assert_right(camera, truth, 0.5, 1.1, 600_000_000)
+
+
+def test_another_encoding_between_two_messages_starts_a_new_stream_and_the_targets_go_on(bench, camera, shots, truth):
+    def compressed(shot: Shot) -> bytes:
+        base_ns = int(shot.events.t[0])
+        payload = libcaer_cmp_payload(shot.events, base_ns)
+        return event_packet(shot.events, "libcaer_cmp", payload, base_ns, shot.seq)
+
+    camera.play(shots[10:120])
+    camera.play(shots[120:250], compressed)
+    assert_right(camera, truth, 1.5, 2.4)
+    bench.wait_until(lambda: counted(bench, "stream restarts") == 1, "the new stream is counted")
+    assert "the encoding changed" in bench.log("pipeline")
+    assert (counted(bench, "sequence gaps"), counted(bench, "errors")) == (0, 0)
 
 
 def test_garbage_cut_and_huge_messages_between_good_ones_are_counted(bench, camera, shots, truth):

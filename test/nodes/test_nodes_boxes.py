@@ -44,10 +44,11 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
     recording, truth = repository / "bags" / "demo", repository / "bags" / "demo" / "boxes.csv"
     expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method)
     remap = ("-r", f"~/events:={EVENTS}")
+    chosen = method_named(method)
     bench.listen("/tracker/detections", Detection2DArray)
     bench.listen("/tracker/status", DiagnosticArray)
-    bench.start("accumulator", ros=(*remap, "-p", f"conversion:={method_named(method).conversion}"))
-    bench.start("reconstruction", ros=remap)
+    bench.start("accumulator", ros=(*remap, "-p", f"conversion:={chosen.conversion}"))
+    bench.start("reconstruction", ros=(*remap, "-p", f"image_interval_s:={chosen.image_interval_s}"))
     bench.start("tracker", ros=("-p", f"targets_file:={truth}", "-p", f"method:={method}", "-p", "image_wait_s:=30.0"))
     linked = {"accumulator": "2", "reconstruction": "0" if method == "etd-nr" else "1"}
     bench.wait_until(

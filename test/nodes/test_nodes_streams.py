@@ -54,7 +54,7 @@ def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository
         bench.listen(topic, Image, lambda message, found=found: found.append(decode_image(message).stamp_ns))
     bench.listen("/tracker/detections", Detection2DArray)
     bench.start("accumulator", ros=REMAP)
-    bench.start("reconstruction", ros=REMAP)
+    bench.start("reconstruction", ros=(*REMAP, "-p", "image_interval_s:=0.0"))
     bench.start("tracker", ros=("-p", f"targets_file:={truth}"))
     bench.wait_until(
         lambda: (

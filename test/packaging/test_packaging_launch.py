@@ -240,6 +240,7 @@ def test_the_launched_nodes_fit_the_method(launched, method):
     made = launched("replay", recording="bag", method=method.name)
     assert parameter(made.node("accumulator"), "conversion") == method.conversion
     assert parameter(made.node("tracker"), "method") == method.name
+    assert made.node("reconstruction")["parameters"][-1].get("image_interval_s", 0.05) == method.image_interval_s
     # The reconstruction reads events only for a tracker that recovers: a replay must not wait for it else.
     assert made.node("replay")["arguments"][-2:] == ["--wait-for", "2" if method.recovers else "1"]
 
