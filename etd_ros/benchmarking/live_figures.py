@@ -84,7 +84,7 @@ def live_figures(bench: LiveBench, effort: LiveEffort) -> Iterator[Row]:
             scene = LiveScene(*sensor)
             if sensor == DAVIS:
                 yield from _floor(bench, generator, effort)
-                yield _start_to_box(bench, generator, scene, effort)
+                yield from _start_and_exit(bench, generator, scene, effort)
             else:
                 bench.start_pipeline()
             _attach(bench, generator)
@@ -223,26 +223,31 @@ def _growth_mib(outcome: Outcome) -> float:
     return float(parts[-1].max() - parts[1].max())
 
 
-def _start_to_box(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Row:
-    """From the start of the process to the first box, while events come. The last process stays."""
+def _start_and_exit(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
+    """From the start of the process to the first box, and from SIGINT to its end, while events come. A process that is
+    not measured stays."""
     generator.prepare(LATENCY_RATE, MESSAGES_PER_S)
     start_ns = rounded_start_ns(time.time_ns())
     generator.play(Play(start_ns, 60.0 * effort.starts))
     bench.read(BOXES)
     times_s: list[float] = []
+    exits_s: list[float] = []
     for _ in range(effort.starts):
-        if times_s:
-            bench.end_pipeline()
-            bench.wait_until(lambda: not bench.listens, "the node to be gone")
         bench.start_pipeline()
         bench.wait_until(lambda: bench.listens, "the node to take targets")
         now_ns = time.time_ns()
         bench.start_target(scene.box((now_ns - start_ns) / NS_PER_US), now_ns)
         times_s.append((bench.first_box_ns() - bench.process.started_ns) / NS_PER_S)
+        told_s = time.monotonic()
+        bench.end_pipeline()
+        exits_s.append(time.monotonic() - told_s)
+        bench.wait_until(lambda: not bench.listens, "the node to be gone")
     generator.stop()
     generator.played()
+    bench.start_pipeline()
     told = _told(LATENCY_RATE, MESSAGES_PER_S)
-    return _figure("start_to_box", DAVIS, float(np.median(times_s)), "s", told, _spread(times_s))
+    yield _figure("start_to_box", DAVIS, float(np.median(times_s)), "s", told, _spread(times_s))
+    yield _figure("exit", DAVIS, max(exits_s), "s", told, None)
 
 
 def _told(rate: float, messages_per_s: int) -> str:

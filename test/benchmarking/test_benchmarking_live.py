@@ -20,6 +20,7 @@ UNITS = {
     **dict.fromkeys(PERCENTILES, "ms"),
     "latency_iou": "IoU",
     "start_to_box": "s",
+    "exit": "s",
     "idle_cpu": "% of a core",
     "sustained": "Mev/s",
     "other_load": "% of the machine",
