@@ -44,6 +44,7 @@ setup(
     extras_require={
         "aedat": ["aedat>=2.3"],
         "bench": BENCHMARK_PEERS,
+        "cluster": ["distributed>=2024.1"],
         "plot": ["matplotlib>=3.6"],
         "recovery": ["torch>=2.6", "safetensors>=0.4"],
         "simulate": ["scikit-image>=0.22"],

@@ -1,149 +1,120 @@
-"""`evaluate --suite`: how well a method tracks, or with `--start` finds, the targets of the simulated sequences."""
+"""`evaluate`: systems on datasets as in the paper's tables, or a method on simulated sequences."""
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import math
-from collections.abc import Sequence
 from pathlib import Path
 
+from etd_ros.commands.evaluate_datasets import run_datasets
+from etd_ros.commands.evaluate_simulated import run_simulated
 from etd_ros.commands.track import read_settings
+from etd_ros.datasets import DATASETS
 from etd_ros.evaluation import EvaluationError
-from etd_ros.evaluation.starting import StartResult, evaluate_starts
-from etd_ros.evaluation.starting_summary import StartSummary, by_kind, summarise, write_summaries
-from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
-from etd_ros.output_files import check_outputs
-from etd_ros.settings import Settings
-from etd_ros.simulation import SUITE, random_sequences, sequence_named
-from etd_ros.simulation import Sequence as Simulated
-from etd_ros.tracking import DEFAULT_METHOD, METHODS, method_named
+from etd_ros.evaluation.cell_run import PROTOCOL_NAMES
+from etd_ros.evaluation.matrix import REPETITIONS
+from etd_ros.systems.registry import SYSTEMS
+from etd_ros.tracking import DEFAULT_METHOD, METHODS
 
 JOBS_MAX = 64
-HEADER = (
-    f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
-    f"{'recovered':>11}{'wrong':>7}"
+FOR_DATASETS = (
+    "systems",
+    "protocol",
+    "repetitions",
+    "store",
+    "output",
+    "scheduler",
+    "cell_timeout",
+    "retry_errors",
+    "box_columns",
 )
-START_HEADER = (
-    f"{'sequence':<30}{'targets':>8}{'0.3 s':>7}{'ever':>6}{'false/s':>9}{'parts/s':>9}{'twice':>7}"
-    f"{'clicks':>8}{'answered':>10}{'IoU':>6}{'middle':>8}{'beside':>8}{'ms':>6}"
-)
-NO_TARGET = "no target can be seen in any of the sequences: choose other ones"
+FOR_SIMULATED = ("start", "method", "seed", "write")
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("evaluate", help="score methods on simulated sequences", description=__doc__)
+    parser = subparsers.add_parser(
+        "evaluate", help="compare systems on datasets, score methods on simulated sequences", description=__doc__
+    )
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--list", action="store_true", help="print the methods' names, one a line")
-    what.add_argument("--suite", action="store_true", help="the fixed suite (see simulate --list)")
-    what.add_argument("--random", type=int, metavar="N", help="N random sequences of the same families")
-    parser.add_argument(
-        "--start", action="store_true", help="score what starts by itself and at clicks instead of what is tracked"
+    what.add_argument("--list", action="store_true", help="print the systems' names, one a line")
+    what.add_argument(
+        "--dataset",
+        nargs=2,
+        action="append",
+        metavar=("NAME", "PATH"),
+        help=f"labelled recordings in a folder; NAME is one of {', '.join(DATASETS)}; may be given several times",
     )
-    parser.add_argument("--method", default=DEFAULT_METHOD, help=f"one of {', '.join(METHODS)} (default: %(default)s)")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these sequences of the suite only")
-    parser.add_argument("--seed", type=int, default=0, help="of the first random sequence (default: %(default)s)")
+    what.add_argument("--suite", action="store_true", help="the fixed suite of simulated sequences")
+    what.add_argument("--random", type=int, metavar="N", help="N random simulated sequences of the same families")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these sequences only")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
-    parser.add_argument(
-        "--write", type=Path, metavar="FILE.csv", help="also write a row for each target (--start: sequence)"
-    )
     parser.add_argument(
         "--config", type=Path, metavar="PARAMETERS.yaml", help="a ROS 2 parameter file, as for the nodes"
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="one parameter, e.g. tracking.failure_iou=0.4"
     )
+    _add_for_datasets(parser.add_argument_group("with --dataset"))
+    _add_for_simulated(parser.add_argument_group("with --suite and --random"))
     parser.set_defaults(run=run)
 
 
+def _add_for_datasets(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--systems", nargs="+", metavar="NAME", help="default: all, see --list")
+    group.add_argument(
+        "--protocol",
+        choices=[*PROTOCOL_NAMES, "both"],
+        help="one-pass: causal, no re-start (default); restarts: the paper's, started again after each failure",
+    )
+    group.add_argument(
+        "--repetitions", type=int, metavar="N", help=f"of systems with randomness (default: {REPETITIONS}, the paper's)"
+    )
+    group.add_argument(
+        "--store", type=Path, metavar="FILE.sqlite", help="keep results here; what it holds is not done again"
+    )
+    group.add_argument("--output", type=Path, metavar="FOLDER", help="write tables, plots and an HTML report here")
+    group.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
+    group.add_argument("--cell-timeout", type=float, metavar="S", help="stop what takes longer than this (s)")
+    group.add_argument("--retry-errors", action="store_true", default=None, help="do again what brought an error")
+    group.add_argument("--box-columns", metavar="COLUMNS", help="of eed's boundingbox.txt, see docs/datasets.md")
+
+
+def _add_for_simulated(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--start",
+        action="store_true",
+        default=None,
+        help="score what starts by itself and at clicks instead of what is tracked",
+    )
+    group.add_argument("--method", help=f"one of {', '.join(METHODS)} (default: {DEFAULT_METHOD})")
+    group.add_argument("--seed", type=int, help="of the first random sequence (default: 0)")
+    group.add_argument(
+        "--write", type=Path, metavar="FILE.csv", help="also write a row for each target (--start: sequence)"
+    )
+
+
 def run(options: argparse.Namespace) -> int:
-    """Track or start targets, print a row for each sequence and the means; write the CSV.
+    """Run what is asked for.
 
     Raises:
-        EvaluationError: a number that is out of range, or no target in any sequence.
+        EtdError: an option that is out of range or belongs to another mode, or data that cannot be read.
     """
     if options.list:
-        print("\n".join(METHODS))
+        print("\n".join(SYSTEMS))
         return 0
-    method_named(options.method)
-    settings = read_settings(options.config, options.set)
-    check_outputs(options.write)
-    sequences = _sequences(options)
-    (_start if options.start else _track)(sequences, settings, options)
-    return 0
-
-
-def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
-    results: list[TargetResult] = []
-    print(HEADER)
-    of_sequences = evaluate(sequences, method=options.method, settings=settings, jobs=options.jobs)
-    for sequence, found in zip(sequences, of_sequences, strict=True):
-        results += found
-        if found:
-            print(_row(sequence.name, found), flush=True)
-    if not results:
-        raise EvaluationError(NO_TARGET)
-    print(_row("all", results))
-    if options.write:
-        write_results(options.write, results)
-
-
-def _start(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
-    results: list[StartResult] = []
-    print(START_HEADER)
-    for result in evaluate_starts(sequences, method=options.method, settings=settings, jobs=options.jobs):
-        results.append(result)
-        print(_start_row(summarise(result.sequence, [result])), flush=True)
-    if not any(result.delays_s for result in results):
-        raise EvaluationError(NO_TARGET)
-    for summary in by_kind(results):
-        print(_start_row(summary))
-    if options.write:
-        write_summaries(options.write, (summarise(result.sequence, [result]) for result in results))
-
-
-def _sequences(options: argparse.Namespace) -> list[Simulated]:
     if not 1 <= options.jobs <= JOBS_MAX:
         msg = f"--jobs {options.jobs} is out of range [1, {JOBS_MAX}]"
         raise EvaluationError(msg)
-    if options.only and not options.suite:
-        msg = f"--only {' '.join(options.only)} names sequences of the suite: give --suite"
-        raise EvaluationError(msg)
-    if options.suite:
-        return [sequence_named(name) for name in options.only] or list(SUITE.values())
-    if options.random < 1 or options.seed < 0:
-        msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
-        raise EvaluationError(msg)
-    return random_sequences(range(options.seed, options.seed + options.random))
+    _refuse(options, FOR_SIMULATED if options.dataset else FOR_DATASETS, bool(options.dataset))
+    settings = read_settings(options.config, options.set)
+    (run_datasets if options.dataset else run_simulated)(options, settings)
+    return 0
 
 
-def _row(name: str, results: Sequence[TargetResult]) -> str:
-    """Means over targets of AP, AR and false boxes, the worst AP and delay, and sums."""
-    total = {
-        field.name: [getattr(result, field.name) for result in results] for field in dataclasses.fields(TargetResult)
-    }
-    sums = {
-        column: sum(total[column]) for column in ("occlusions", "survived", "left", "recoveries", "wrong_recoveries")
-    }
-    survived = f"{sums['survived']}/{sums['occlusions']}" if sums["occlusions"] else "-"
-    left_s = f"{max(total['left_s']):.2f}" if sums["left"] else "-"
-    left = [result.false_share for result in results if result.left]
-    false_share = f"{sum(left) / len(left):.2f}" if left else "-"
-    ap, ar = (sum(total[column]) / len(results) for column in ("ap", "ar"))
-    return (
-        f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{left_s:>8}{false_share:>7}"
-        f"{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
-    )
-
-
-def _start_row(summary: StartSummary) -> str:
-    def figure(value: float, width: int) -> str:
-        return f"{'-' if math.isnan(value) else f'{value:.2f}':>{width}}"
-
-    return (
-        f"{summary.name:<30}{summary.targets:>8}{figure(summary.soon, 7)}{figure(summary.ever, 6)}"
-        f"{figure(summary.false_per_s, 9)}{figure(summary.parts_per_s, 9)}{figure(summary.twice_share, 7)}"
-        f"{summary.clicks:>8}{figure(summary.answered, 10)}{figure(summary.click_iou, 6)}"
-        f"{figure(summary.click_middle, 8)}{figure(summary.click_beside, 8)}{figure(summary.frame_ms, 6)}"
-    )
+def _refuse(options: argparse.Namespace, names: tuple[str, ...], is_dataset: bool) -> None:
+    """Raise EvaluationError where an option of the other mode is given: it would change nothing, silently."""
+    for name in names:
+        if getattr(options, name) is not None:
+            mode, other = ("--dataset", "--suite or --random") if is_dataset else ("--suite and --random", "--dataset")
+            msg = f"--{name.replace('_', '-')} means nothing with {mode}: leave it out, or give {other}"
+            raise EvaluationError(msg)

@@ -54,12 +54,16 @@ class Store:
     Args:
         path: the file, made where there is none; None to keep cells in memory only.
 
+    Attributes:
+        path: the file.
+
     Raises:
         EvaluationError: not a file of this kind and version, damaged, or one that cannot be written; also from the
             methods.
     """
 
     def __init__(self, path: Path | None) -> None:
+        self.path = path
         self._name = str(path) if path else "the store in memory"
         with self._one_line_errors():
             # Every transaction is begun in so many words: the module's own rules changed with Python 3.12.

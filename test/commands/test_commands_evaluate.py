@@ -10,12 +10,12 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.cli import main
-from etd_ros.commands import evaluate as command
+from etd_ros.commands import evaluate_simulated as command
 from etd_ros.evaluation import TimedBox, TrackRow
 from etd_ros.evaluation.scoring import Score
 from etd_ros.evaluation.suite import COLUMNS, START_NS, Judge, TargetResult, evaluate, write_results
 from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, absent_times, true_boxes
-from etd_ros.tracking import METHODS
+from etd_ros.systems.registry import SYSTEMS
 
 TRACKING, RECOVERING, LOST, IDLE = "tracking", "recovering", "lost", "idle"
 NOWHERE = Box(90.0, 70.0, 8.0, 8.0)
@@ -114,9 +114,9 @@ def test_a_start_is_no_recovery(scene):
     assert result.recoveries == 0
 
 
-def test_the_methods_are_listed_one_a_line(capsys):
+def test_the_systems_are_listed_one_a_line(capsys):
     assert main(["evaluate", "--list"]) == 0
-    assert capsys.readouterr().out.splitlines() == list(METHODS)
+    assert capsys.readouterr().out.splitlines() == list(SYSTEMS)
 
 
 @pytest.fixture

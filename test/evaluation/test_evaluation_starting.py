@@ -11,7 +11,7 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.cli import main
-from etd_ros.commands import evaluate as command
+from etd_ros.commands import evaluate_simulated as command
 from etd_ros.evaluation.starting import (
     AT_REST,
     CLICK_PLACES,

@@ -1,0 +1,113 @@
+"""`evaluate --suite` and `--random`: how well a method tracks, or with `--start` finds, simulated targets."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Sequence
+
+from etd_ros.evaluation import EvaluationError
+from etd_ros.evaluation.starting import StartResult, evaluate_starts
+from etd_ros.evaluation.starting_summary import StartSummary, by_kind, summarise, write_summaries
+from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
+from etd_ros.output_files import check_outputs
+from etd_ros.settings import Settings
+from etd_ros.simulation import SUITE, random_sequences, sequence_named
+from etd_ros.simulation import Sequence as Simulated
+from etd_ros.tracking import DEFAULT_METHOD, method_named
+
+HEADER = (
+    f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
+    f"{'recovered':>11}{'wrong':>7}"
+)
+START_HEADER = (
+    f"{'sequence':<30}{'targets':>8}{'0.3 s':>7}{'ever':>6}{'false/s':>9}{'parts/s':>9}{'twice':>7}"
+    f"{'clicks':>8}{'answered':>10}{'IoU':>6}{'middle':>8}{'beside':>8}{'ms':>6}"
+)
+NO_TARGET = "no target can be seen in any of the sequences: choose other ones"
+
+
+def run_simulated(options: argparse.Namespace, settings: Settings) -> None:
+    """Track or start targets, print a row for each sequence and the means; write the CSV.
+
+    Raises:
+        EvaluationError: a number that is out of range, or no target in any sequence.
+    """
+    options.method, options.seed = options.method or DEFAULT_METHOD, options.seed or 0
+    method_named(options.method)
+    check_outputs(options.write)
+    sequences = _sequences(options)
+    (_start if options.start else _track)(sequences, settings, options)
+
+
+def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
+    results: list[TargetResult] = []
+    print(HEADER)
+    of_sequences = evaluate(sequences, method=options.method, settings=settings, jobs=options.jobs)
+    for sequence, found in zip(sequences, of_sequences, strict=True):
+        results += found
+        if found:
+            print(_row(sequence.name, found), flush=True)
+    if not results:
+        raise EvaluationError(NO_TARGET)
+    print(_row("all", results))
+    if options.write:
+        write_results(options.write, results)
+
+
+def _start(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
+    results: list[StartResult] = []
+    print(START_HEADER)
+    for result in evaluate_starts(sequences, method=options.method, settings=settings, jobs=options.jobs):
+        results.append(result)
+        print(_start_row(summarise(result.sequence, [result])), flush=True)
+    if not any(result.delays_s for result in results):
+        raise EvaluationError(NO_TARGET)
+    for summary in by_kind(results):
+        print(_start_row(summary))
+    if options.write:
+        write_summaries(options.write, (summarise(result.sequence, [result]) for result in results))
+
+
+def _sequences(options: argparse.Namespace) -> list[Simulated]:
+    if options.suite:
+        return [sequence_named(name) for name in options.only] or list(SUITE.values())
+    if options.only:
+        msg = f"--only {' '.join(options.only)} names sequences of the suite or of datasets: give --suite or --dataset"
+        raise EvaluationError(msg)
+    if options.random < 1 or options.seed < 0:
+        msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
+        raise EvaluationError(msg)
+    return random_sequences(range(options.seed, options.seed + options.random))
+
+
+def _row(name: str, results: Sequence[TargetResult]) -> str:
+    """Means over targets of AP, AR and false boxes, the worst AP and delay, and sums."""
+    total = {
+        field.name: [getattr(result, field.name) for result in results] for field in dataclasses.fields(TargetResult)
+    }
+    sums = {
+        column: sum(total[column]) for column in ("occlusions", "survived", "left", "recoveries", "wrong_recoveries")
+    }
+    survived = f"{sums['survived']}/{sums['occlusions']}" if sums["occlusions"] else "-"
+    left_s = f"{max(total['left_s']):.2f}" if sums["left"] else "-"
+    left = [result.false_share for result in results if result.left]
+    false_share = f"{sum(left) / len(left):.2f}" if left else "-"
+    ap, ar = (sum(total[column]) / len(results) for column in ("ap", "ar"))
+    return (
+        f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{left_s:>8}{false_share:>7}"
+        f"{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
+    )
+
+
+def _start_row(summary: StartSummary) -> str:
+    def figure(value: float, width: int) -> str:
+        return f"{'-' if math.isnan(value) else f'{value:.2f}':>{width}}"
+
+    return (
+        f"{summary.name:<30}{summary.targets:>8}{figure(summary.soon, 7)}{figure(summary.ever, 6)}"
+        f"{figure(summary.false_per_s, 9)}{figure(summary.parts_per_s, 9)}{figure(summary.twice_share, 7)}"
+        f"{summary.clicks:>8}{figure(summary.answered, 10)}{figure(summary.click_iou, 6)}"
+        f"{figure(summary.click_middle, 8)}{figure(summary.click_beside, 8)}{figure(summary.frame_ms, 6)}"
+    )

@@ -1,0 +1,122 @@
+"""One cell of the comparison, from its recording to its result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from etd_ros.errors import EtdError
+from etd_ros.evaluation.cells import Cell, CellResult, ProtocolName
+from etd_ros.evaluation.protocol import Outcome, Step, one_pass, restarts
+from etd_ros.evaluation.scoring import score_of
+from etd_ros.evaluation.truth import TimedBox
+from etd_ros.recordings import open_recording
+from etd_ros.recordings.loaded import LoadedRecording
+from etd_ros.settings import Settings
+from etd_ros.systems.running import run_system
+from etd_ros.targets import TargetStart
+
+PROTOCOLS = {"one-pass": one_pass, "restarts": restarts}
+PROTOCOL_NAMES: tuple[ProtocolName, ...] = ("one-pass", "restarts")
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class CellTask:
+    """All that a process needs to work out a cell.
+
+    Attributes:
+        cell: which one.
+        recording: file or folder that `open_recording` opens.
+        topic: its event topic, where it has several.
+        labels: the target's, in order of time.
+        settings: of all stages.
+        fingerprint: of all that the result depends on.
+    """
+
+    cell: Cell
+    recording: Path
+    topic: str | None
+    labels: tuple[TimedBox, ...]
+    settings: Settings
+    fingerprint: str
+
+
+class HeldRecording:
+    """The recording that was asked for last, in memory: the cells of one recording follow each other."""
+
+    def __init__(self) -> None:
+        self._key: tuple[Path, str | None] | None = None
+        self._recording: LoadedRecording | None = None
+
+    def get(self, path: Path, topic: str | None) -> LoadedRecording:
+        """The recording.
+
+        Raises:
+            RecordingError: it cannot be opened, is damaged, or holds no events.
+        """
+        if self._recording is None or self._key != (path, topic):
+            # Let go first: two large recordings may not fit.
+            self._key = self._recording = None
+            with open_recording(path, topic=topic) as recording:
+                self._recording = LoadedRecording.load(recording)
+            self._key = (path, topic)
+        return self._recording
+
+
+def run_cell(task: CellTask, held: HeldRecording) -> CellResult:
+    """The cell's result. Whatever goes wrong in it stays in it: it is the result's error then."""
+    try:
+        return _run(task, held.get(task.recording, task.topic))
+    except EtdError as err:
+        return failed_cell(task.cell, str(err))
+    except Exception as err:
+        return failed_cell(task.cell, f"{type(err).__name__}: {err}")
+
+
+def failed_cell(cell: Cell, error: str) -> CellResult:
+    """A cell that brought nothing, and why."""
+    return CellResult(cell, NAN, NAN, (), (), (), 0, (), 0, 0, NAN, " ".join(error.split()))
+
+
+def _run(task: CellTask, recording: LoadedRecording) -> CellResult:
+    cell, labels = task.cell, task.labels
+    events, last_event_ns = _extent(recording, task.settings, labels[0].stamp_ns, labels[-1].stamp_ns)
+
+    def start_system(start: TargetStart, from_ns: int | None) -> Iterator[Step]:
+        if from_ns is not None and from_ns > last_event_ns:
+            return iter(())
+        return run_system(cell.system, recording, [start], task.settings, from_ns=from_ns, seed=cell.repetition)
+
+    outcome = PROTOCOLS[cell.protocol](start_system, cell.target, labels)
+    return _result(cell, outcome, events)
+
+
+def _extent(recording: LoadedRecording, settings: Settings, first_ns: int, last_ns: int) -> tuple[int, int]:
+    """(Number of events from one time to another, time of the recording's last event), times in ns."""
+    count, latest_ns = 0, 0
+    for batch in recording.streams(settings.stream):
+        times_ns = batch.events.t
+        count += int(np.searchsorted(times_ns, last_ns, "right") - np.searchsorted(times_ns, first_ns))
+        latest_ns = int(times_ns[-1])
+    return count, latest_ns
+
+
+def _result(cell: Cell, outcome: Outcome, events: int) -> CellResult:
+    found = score_of(outcome.overlaps)
+    return CellResult(
+        cell=cell,
+        ap=found.ap,
+        ar=found.ar,
+        stamps_ns=outcome.stamps_ns,
+        overlaps=outcome.overlaps,
+        centre_errors_px=outcome.centre_errors_px,
+        failures=outcome.failures,
+        track=outcome.track,
+        frames=outcome.frames,
+        events=events,
+        seconds=outcome.seconds,
+    )

@@ -1,0 +1,165 @@
+"""Tables as Markdown, LaTeX, CSV and plain text, in the paper's form: the best value of each column in bold."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from etd_ros.evaluation.curves import Speed
+from etd_ros.evaluation.tables import DIGITS, MEAN, Entry, Figure, Table, rounded
+
+NOTHING = "–"
+LATEX_SPECIAL = {"_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """One number of the table, ready for any format."""
+
+    text: str
+    spread: str
+    is_best: bool
+
+    @classmethod
+    def of(cls, figure: Figure | None, best: float) -> _Cell:
+        if figure is None:
+            return cls(NOTHING, "", is_best=False)
+        spread = "" if figure.spread is None else f"{figure.spread:.{DIGITS}f}"
+        return cls(f"{figure.mean:.{DIGITS}f}", spread, is_best=rounded(figure.mean) == best)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column with its sub-columns."""
+
+    title: str
+    parts: tuple[str, ...]
+    of: Callable[[str], tuple[_Cell, ...]]
+
+
+def markdown(table: Table) -> str:
+    """A table for Markdown; means over repetitions with the standard deviation after ±."""
+    columns = list(_columns(table))
+    titles = [f"{column.title} {part}".strip() for column in columns for part in column.parts]
+    lines = [_line(["system", *titles]), _line(["-", *("-:" for _ in titles)])]
+    for system in table.rows:
+        cells = [cell for column in columns for cell in column.of(system)]
+        lines.append(_line([system, *(_marked(cell, "**{}**", " ± {}") for cell in cells)]))
+    return "\n".join(lines) + "\n"
+
+
+def latex(table: Table) -> str:
+    r"""A table that needs \usepackage{multirow}, in the form of the paper's."""
+    columns = list(_columns(table))
+    width = 1 + sum(len(column.parts) for column in columns)
+    heads = " & ".join(rf"\multicolumn{{{len(column.parts)}}}{{c|}}{{{_escaped(column.title)}}}" for column in columns)
+    parts = " & ".join(_escaped(part) for column in columns for part in column.parts)
+    lines = [
+        rf"\begin{{tabular}}{{|{'c|' * width}}}",
+        r"\hline",
+        rf"\multirow{{2}}{{*}}{{Method}} & {heads} \\ \cline{{2-{width}}}",
+        rf" & {parts} \\ \hline\hline",
+    ]
+    for system in table.rows:
+        cells = [cell for column in columns for cell in column.of(system)]
+        values = " & ".join(_marked(cell, r"\textbf{{{}}}", r" $\pm$ {}").replace(NOTHING, "--") for cell in cells)
+        lines.append(rf"{_escaped(system)} & {values} \\ \hline")
+    return "\n".join([*lines, r"\end{tabular}"]) + "\n"
+
+
+def csv_text(table: Table) -> str:
+    """A table for programs: protocol, system, dataset, sequence, AP and AR with their spreads, and the paper's."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    names = ("protocol", "system", "dataset", "sequence", "ap", "ap_spread", "ar", "ar_spread", "paper_ap", "paper_ar")
+    writer.writerow(names)
+    for system, row in table.rows.items():
+        for column in table.columns:
+            paper = table.printed(column).get(system, ("", ""))
+            writer.writerow((table.protocol, system, *column, *_numbers(row.get(column)), *paper))
+        writer.writerow((table.protocol, system, "", MEAN, *_numbers(table.means.get(system)), "", ""))
+    return file.getvalue()
+
+
+def plain(table: Table) -> str:
+    """A table for the terminal."""
+    columns = list(_columns(table))
+    lines = [
+        ["", *(title for column in columns for title in (column.title, *[""] * (len(column.parts) - 1)))],
+        ["", *(part for column in columns for part in column.parts)],
+    ]
+    for system in table.rows:
+        cells = [cell for column in columns for cell in column.of(system)]
+        lines.append([system, *(_marked(cell, "{}", " ±{}") for cell in cells)])
+    # A title may reach over the columns below it, so that only their own entries set the widths.
+    widths = [max(len(line[column]) for line in lines[1:]) for column in range(len(lines[1]))]
+    return "".join(_aligned(line, widths) for line in lines)
+
+
+def _aligned(line: Sequence[str], widths: Sequence[int]) -> str:
+    numbers = "  ".join(f"{text:>{width}}" for text, width in zip(line[1:], widths[1:], strict=True))
+    return f"{line[0]:<{widths[0]}}  {numbers}".rstrip() + "\n"
+
+
+def _columns(table: Table) -> Iterator[_Column]:
+    datasets = {dataset for dataset, _ in table.columns}
+    for key in table.columns:
+        yield _scores(table, key, key[1] if len(datasets) == 1 else "/".join(key))
+        if paper := table.printed(key):
+            yield _paper(paper)
+    if len(table.columns) > 1:
+        yield _scores(table, MEAN, MEAN)
+    yield _Column("time", ("ms/frame",), lambda system: (_time(table.speeds[system]),))
+
+
+def _scores(table: Table, key: tuple[str, str] | str, title: str) -> _Column:
+    best_ap, best_ar = table.best(key, "ap"), table.best(key, "ar")
+
+    def of(system: str) -> tuple[_Cell, ...]:
+        entry = table.entry(system, key)
+        return (
+            tuple(_Cell.of(figure, best) for figure, best in ((entry.ap, best_ap), (entry.ar, best_ar)))
+            if entry
+            else (_Cell.of(None, best_ap), _Cell.of(None, best_ar))
+        )
+
+    return _Column(title, ("AP", "AR"), of)
+
+
+def _paper(paper: Mapping[str, tuple[float, float]]) -> _Column:
+    """The paper's own figures, none of them in bold: they are on other labels."""
+
+    def of(system: str) -> tuple[_Cell, ...]:
+        values = paper.get(system)
+        return tuple(_Cell.of(value if value is None else Figure(value), math.nan) for value in values or (None, None))
+
+    return _Column("paper", ("AP", "AR"), of)
+
+
+def _time(of_system: Speed) -> _Cell:
+    return _Cell(NOTHING if math.isnan(of_system.frame_ms) else f"{of_system.frame_ms:.2f}", "", is_best=False)
+
+
+def _marked(cell: _Cell, best: str, spread: str) -> str:
+    text = best.format(cell.text) if cell.is_best else cell.text
+    return text + (spread.format(cell.spread) if cell.spread else "")
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _numbers(entry: Entry | None) -> tuple[float | str, ...]:
+    """AP, its spread, AR and its spread; empty where there is none."""
+    if entry is None:
+        return ("",) * 4
+    return tuple(
+        "" if value is None else value for value in (entry.ap.mean, entry.ap.spread, entry.ar.mean, entry.ar.spread)
+    )
+
+
+def _escaped(text: str) -> str:
+    return "".join(LATEX_SPECIAL.get(character, character) for character in text)
