@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
 PYTHON_MODULES = {"matplotlib", "numba", "numpy", "rich", "scipy"}
-OPTIONAL = {"aedat": "aedat", "rerun": "viz", "safetensors": "recovery", "torch": "recovery"}
+OPTIONAL = {"aedat": "aedat", "distributed": "cluster", "rerun": "viz", "safetensors": "recovery", "torch": "recovery"}
 """Imported only by what needs them: extras of setup.py name them, package.xml does not."""
 DISTRIBUTIONS = {"rerun": "rerun-sdk"}
 OWN = {"etd_ros", "msg_adapters"}
