@@ -45,7 +45,7 @@ def solve(
     """A few iterations from `start` towards the solution.
 
     Polak-Ribiere's formula for the next direction, which falls back to the steepest descent when the system has
-    changed; the direction of an earlier call is gone on with (ECO: Danelljan et al., CVPR 2017, Section 3.4).
+    changed; the direction of an earlier call is gone on with (ECO: Danelljan et al., CVPR 2017, Section 3.3).
 
     Args:
         system: what to solve.

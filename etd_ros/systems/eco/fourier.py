@@ -3,7 +3,7 @@
 The search area is one period, its coordinates (row, column) run from -1/2 to 1/2 with the middle at 0. A function is
 kept by its coefficients of frequencies -K to K along the rows and 0 to K along the columns: it is real, so the others
 are conjugates. A spectrum is complex64 of shape (..., 2 K + 1, K + 1). Channels with different cells have different K;
-their sums are taken on the largest one (C-COT: Danelljan et al., ECCV 2016, Section 3).
+their sums are taken on the largest one (C-COT: Danelljan et al., ECCV 2016).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def cubic_kernel(x: npt.NDArray[np.float64], a: float) -> npt.NDArray[np.float64
 
 
 def cubic_kernel_spectrum(frequency: npt.NDArray[np.float64], a: float) -> npt.NDArray[np.float64]:
-    """Fourier transform of `cubic_kernel` (Park and Schowengerdt 1983, Equation 13); frequency in 1 / sample."""
+    """Fourier transform of `cubic_kernel` (Park and Schowengerdt 1983); frequency in 1 / sample."""
     f = np.where(frequency == 0, 1.0, frequency)
     own = 3 * (np.sinc(f) ** 2 - np.sinc(2 * f))
     of_a = 2 * a * (3 * np.sinc(2 * f) ** 2 - 2 * np.sinc(2 * f) - np.sinc(4 * f))
@@ -40,7 +40,7 @@ class Interpolation:
     """Maps of cells x cells samples that cover the search area, as spectra of the functions interpolated from them.
 
     An odd number of cells puts the middle one's centre at 0. Each map is tapered by a Hann window towards the border,
-    where the period jumps (C-COT Equation 4: the kernel's transform times the samples').
+    where the period jumps. Their transform is the samples' times the kernel's.
     """
 
     def __init__(self, cells: int, a: float) -> None:
@@ -80,16 +80,10 @@ def shifted(spectra: Spectra, row: float, column: float) -> Spectra:
     return moved
 
 
-def add_centred(total: Spectrum, part: Spectrum) -> None:
-    """Add a spectrum to one with higher frequencies, in place."""
-    low, high = part.shape[-1] - 1, total.shape[-1] - 1
-    total[..., high - low : high + low + 1, : low + 1] += part
-
-
 def cropped(spectrum: Spectrum, highest: int) -> Spectrum:
-    """The frequencies up to `highest` of a spectrum, contiguous."""
+    """The frequencies up to `highest` of a spectrum, as a view."""
     middle = spectrum.shape[-1] - 1
-    return np.ascontiguousarray(spectrum[..., middle - highest : middle + highest + 1, : highest + 1])
+    return spectrum[..., middle - highest : middle + highest + 1, : highest + 1]
 
 
 def inner(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> float:

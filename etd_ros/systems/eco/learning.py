@@ -1,4 +1,8 @@
-"""The filter's least squares problem, with the samples' projection or for a given one (ECO, Sections 3.1 and 3.2)."""
+"""The filter's least squares problem, for a given projection of the samples, or together with it.
+
+The loss is that of C-COT (Danelljan et al., ECCV 2016); the projection is learnt as in ECO (Danelljan et al., CVPR
+2017, Section 3.1).
+"""
 
 from __future__ import annotations
 
@@ -139,7 +143,7 @@ def learn_first(
         projections: where to start from.
         label: the desired score.
         window: the penalty on the filter.
-        config: how many steps.
+        config: how many steps, and the weights of the loss.
     """
     filters: Spectra = [
         np.zeros((projection.shape[1], *part.shape[1:]), np.complex64)

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from etd_ros.systems.eco.fourier import Spectrum, on_grid
+
+DoubleArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +25,8 @@ class Peak:
 def find_peak(score: Spectrum, newton_steps: int) -> Peak:
     """Highest place of a score.
 
-    The highest of its values on a grid is where Newton's method starts on the Fourier series itself (C-COT,
-    Section 3.4). The grid's place stays where the steps do not lead higher.
+    The highest of its values on a grid is where Newton's method starts on the Fourier series itself
+    (C-COT: Danelljan et al., ECCV 2016). The grid's place stays where the steps do not lead higher.
 
     Args:
         score: spectrum, complex64, shape (2 K + 1, K + 1).
@@ -50,9 +53,7 @@ def _wrapped(place: float) -> float:
     return (place + 0.5) % 1.0 - 0.5
 
 
-def _taylor(
-    score: Spectrum, place: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-) -> tuple[float, np.ndarray[tuple[int, ...], np.dtype[np.float64]], np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+def _taylor(score: Spectrum, place: DoubleArray) -> tuple[float, DoubleArray, DoubleArray]:
     """A series' value, gradient (2,) and Hessian (2, 2) at a place (row, column)."""
     highest = score.shape[1] - 1
     along_rows, along_columns = np.arange(-highest, highest + 1), np.arange(highest + 1)

@@ -1,4 +1,7 @@
-"""What the filter is learnt from: a mixture of Gaussians of all samples seen (ECO, Section 3.3)."""
+"""What the filter is learnt from: a mixture of Gaussians of all samples seen.
+
+ECO: Danelljan et al., CVPR 2017, Section 3.2.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.systems.eco.fourier import Spectra, Spectrum, inner
+from etd_ros.systems.eco.fourier import Spectra, Spectrum, cropped, inner
 
 
 class SampleSpace:
@@ -107,21 +110,17 @@ def filter_samples(samples: list[Spectrum], filters: Spectra) -> Spectrum:
         _add_scores(block, channels, part)
         parts.append(part)
     total = max(parts, key=lambda part: part.shape[-1])
-    middle = total.shape[-1] - 1
     for part in parts:
         if part is not total:
-            highest = part.shape[-1] - 1
-            total[:, middle - highest : middle + highest + 1, : highest + 1] += part
+            cropped(total, part.shape[-1] - 1)[...] += part
     return total
 
 
 def correlate_samples(samples: list[Spectrum], scores: Spectrum) -> Spectra:
     """The adjoint of `filter_samples`: for each channel the sum over samples of its conjugate times the score."""
-    middle = scores.shape[-1] - 1
     results = []
     for block in samples:
-        highest = block.shape[-1] - 1
-        part = np.ascontiguousarray(scores[:, middle - highest : middle + highest + 1, : highest + 1])
+        part = np.ascontiguousarray(cropped(scores, block.shape[-1] - 1))
         result = np.zeros(block.shape[1:], np.complex64)
         _add_correlations(block, part, result)
         results.append(result)

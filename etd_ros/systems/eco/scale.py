@@ -1,6 +1,6 @@
 """How much larger or smaller the target has become: a correlation filter along sizes.
 
-DSST (Danelljan et al., BMVC 2014, Section 3.2) with the interpolated sizes of fDSST (PAMI 2017, Section 5). fDSST's
+DSST (Danelljan et al., BMVC 2014) with the interpolated sizes of fDSST (Danelljan et al., PAMI 2017). fDSST's
 compression to as many dimensions as there are sizes changes nothing in the answer, and is left out.
 """
 

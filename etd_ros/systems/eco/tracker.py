@@ -28,7 +28,8 @@ class EcoTracker:
     """A `PictureTracker`: Efficient Convolution Operators (Danelljan et al., CVPR 2017), the variant ECO-HC.
 
     A filter on oriented gradients and intensity channels of the target's surroundings finds its place, a second one
-    its size. It always gives a box; the score is the filter's answer there, 1 for what it has learnt, clipped to 0..1.
+    its size. It always gives a box. The score is the filter's answer there, clipped to 0..1: it was taught to answer 1,
+    and answers about 0.5 as long as the target looks as it did.
     """
 
     def __init__(self, config: EcoConfig | None = None) -> None:

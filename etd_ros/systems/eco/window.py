@@ -1,4 +1,4 @@
-"""The penalty that keeps a filter's energy on the target (SRDCF: Danelljan et al., ICCV 2015; C-COT, Section 3.3)."""
+"""The penalty that keeps a filter's energy on the target (SRDCF: Danelljan et al., ICCV 2015)."""
 
 from __future__ import annotations
 
