@@ -11,6 +11,7 @@ from etd_ros.systems.eco import EcoTracker
 from etd_ros.systems.event_clusters import e_ms_maker
 from etd_ros.systems.interface import CompareError, EventTracker, PictureTracker
 from etd_ros.systems.opencv_trackers import kcf_maker, tld_maker
+from etd_ros.systems.siamese import dasiamrpn_maker, siamfc_maker
 from etd_ros.tracking import METHODS
 
 Feed = Literal["engine", "video", "reconstruction", "atsltd", "events"]
@@ -60,6 +61,7 @@ def _eco_maker(settings: Settings, seed: int) -> Callable[[], PictureTracker]:  
 
 _KCF = "KCF (Henriques 2015) of OpenCV"
 _TLD = "TLD (Kalal 2012) of OpenCV"
+_DASIAMRPN = "DaSiamRPN (Zhu 2018)"
 _ON_RECONSTRUCTIONS = "on high-pass reconstructions at 100 Hz"
 
 SYSTEMS: dict[str, System] = {
@@ -80,6 +82,11 @@ SYSTEMS: dict[str, System] = {
             feed="reconstruction",
             is_random=True,
             maker=tld_maker,
+        ),
+        PictureSystem(name="siamfc", description="SiamFC (Bertinetto 2016) on video", feed="video", maker=siamfc_maker),
+        PictureSystem(name="dasiamrpn", description=f"{_DASIAMRPN} on video", feed="video", maker=dasiamrpn_maker),
+        PictureSystem(
+            name="dasiamrpn-e", description=f"{_DASIAMRPN} on ATSLTD frames", feed="atsltd", maker=dasiamrpn_maker
         ),
         PictureSystem(
             name="eco",
