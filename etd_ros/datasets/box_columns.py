@@ -117,8 +117,8 @@ def _detect(text: BoxText, span: Span, image_stamps: ImageStamps) -> _Reading:
         except DatasetError as err:
             misfits.append(str(err))
     if not readings:
-        first = misfits[0] if misfits else f"{text.path}: {text.columns} columns"
-        msg = f"{first}; no other reading of the columns fits either: name them with --box-columns 't {CORNERS}'"
+        why = "; ".join(misfits[:2]) or f"{text.path}: {text.columns} columns"
+        msg = f"{why}; no other reading of the columns fits either: name them with --box-columns 't {CORNERS}'"
         raise DatasetError(msg)
     readings.sort(key=_Reading.size_change)
     best = readings[0]
@@ -208,13 +208,13 @@ def _whole(text: str) -> int:
 
 
 def _box(row: Mapping[str, str], line: int) -> Box | None:
-    """The box (pixels); None for four zeros, which say that the object cannot be seen."""
+    """The box (pixels); None for a point, or two pixels in a row, which say that the object cannot be seen."""
     if "w" in row:
         x, y, w, h = (float(row[word]) for word in SIZED.split())
     else:
         x1, y1, x2, y2 = (float(row[word]) for word in CORNERS.split())
         x, y, w, h = min(x1, x2), min(y1, y2), abs(x2 - x1), abs(y2 - y1)
-    if x == y == w == h == 0:
+    if w * h == 0 and max(w, h) <= 1:
         return None
     if w < 1 or h < 1:
         msg = f"line {line} has a box of {w:g} x {h:g} pixels"

@@ -19,22 +19,23 @@ from etd_ros.recordings import open_recording
 CSV_NAME = "boxes.csv"
 BOX_TEXT_NAME = "boundingbox.txt"
 """EED's name."""
+OBJECT_COLUMNS = "t x y w h"
+"""Of the files NAME_OBJECT.txt (github.com/nusneuromorphic/Object_Annotations, README)."""
 
 Boxes = Mapping[str, Sequence[TimedBox]]
 
 
-def labels_of(
-    sequence: FoundSequence, *, box_text: bool = False, columns: str | None = None
-) -> tuple[Path, Boxes] | None:
+def labels_of(sequence: FoundSequence, dataset: str, columns: str | None = None) -> tuple[Path, Boxes] | None:
     """The recording and each target's labels; None where there are none.
 
-    Labels are read from `NAME.boxes.csv` beside the recording or `boxes.csv` in its folder, or else, if wanted, from
-    EED's boundingbox.txt. Of a sequence in several containers, the first on whose clock the labels are is taken.
+    Labels are read from `NAME.boxes.csv` beside the recording or `boxes.csv` in its folder; else, of `eed`, from its
+    boundingbox.txt, and of `ecd` from files NAME_OBJECT.txt (Ramesh 2018). Of a sequence in several containers, the
+    first on whose clock the labels are is taken.
 
     Args:
         sequence: the sequence.
-        box_text: whether a boundingbox.txt counts.
-        columns: what its columns are, see `read_columns`.
+        dataset: the dataset's name.
+        columns: what the columns of boundingbox.txt are, see `read_columns`.
 
     Raises:
         DatasetError: two label files, or labels that do not fit the recording.
@@ -44,8 +45,11 @@ def labels_of(
     csv = _only(sequence.companions(CSV_NAME))
     if csv is not None:
         return _labels_from_csv(csv, sequence)
-    text = _only(sequence.companions(BOX_TEXT_NAME)) if box_text else None
-    return None if text is None else _labels_from_text(text, sequence, columns)
+    if dataset == "eed":
+        path = _only(sequence.companions(BOX_TEXT_NAME))
+        return None if path is None else _labels_from_text(path, sequence, columns)
+    objects = sequence.object_texts() if dataset == "ecd" else {}
+    return _labels_of_objects(objects, sequence) if objects else None
 
 
 def _only(files: Sequence[Path]) -> Path | None:
@@ -71,6 +75,7 @@ def _labels_from_csv(csv: Path, sequence: FoundSequence) -> tuple[Path, Boxes]:
 
 
 def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) -> tuple[Path, Boxes]:
+    """All objects of a box file."""
     text = read_box_text(path)
     misfits = []
     for recording in sequence.recordings:
@@ -83,6 +88,16 @@ def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) 
         check_labels(path, boxes, span)
         return recording, boxes
     raise misfits[0]
+
+
+def _labels_of_objects(objects: Mapping[str, Path], sequence: FoundSequence) -> tuple[Path, Boxes]:
+    """The objects of a box file each."""
+    found = {name: _labels_from_text(path, sequence, OBJECT_COLUMNS) for name, path in objects.items()}
+    recordings = {recording for recording, _ in found.values()}
+    if len(recordings) > 1:
+        msg = f"{next(iter(objects.values()))}: not on the clock of the other objects' files: copy them again"
+        raise DatasetError(msg)
+    return recordings.pop(), {name: boxes["object"] for name, (_, boxes) in found.items()}
 
 
 def check_labels(path: Path, boxes: Boxes, span: Span) -> None:

@@ -11,7 +11,7 @@ from etd_ros.datasets.labels import CSV_NAME, labels_of
 from etd_ros.datasets.sequences import FoundSequence, find_archives, find_sequences
 
 DATASETS: Mapping[str, str] = {
-    "ecd": "Event Camera Dataset (Mueggler 2017): text folders and ROS 1 bags, labelled with `label`",
+    "ecd": "Event Camera Dataset (Mueggler 2017): text folders and ROS 1 bags, with label files",
     "eed": "Extreme Event Dataset (Mitrokhin 2018): ROS 1 bags or text folders, with boundingbox.txt",
     "folder": "any recordings with a boxes.csv beside them",
 }
@@ -49,7 +49,7 @@ def open_dataset(
     labelled, unlabelled, notices = [], [], []
     for sequence in find_sequences(path):
         try:
-            labels = labels_of(sequence, box_text=name == "eed", columns=box_columns)
+            labels = labels_of(sequence, name, box_columns)
         except UnnamedObjectsError as err:
             notices.append(f"{sequence.name} is passed over: {err}")
             continue

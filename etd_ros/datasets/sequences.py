@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,12 @@ class FoundSequence:
         if self.folder is not None:
             places.add(self.folder / name)
         return sorted(place for place in places if place.is_file())
+
+    def object_texts(self) -> dict[str, Path]:
+        """Files NAME_OBJECT.txt beside it or in its own folder, by the object's name in lower case."""
+        pattern = re.compile(rf"{re.escape(self.stem.name)}_([A-Z][A-Z0-9]*)\.txt")
+        places = [path for folder in (self.stem.parent, self.stem) for path in sorted(folder.glob("*.txt"))]
+        return {match[1].lower(): path for path in places if (match := pattern.fullmatch(path.name))}
 
 
 def find_sequences(root: Path) -> list[FoundSequence]:

@@ -83,9 +83,18 @@ def test_a_column_that_numbers_the_objects_names_them(layout):
     assert read([line(layout, number, ball(number)) for number in range(FRAMES)]) == expected("object_3")
 
 
-def test_four_zeros_say_that_the_object_cannot_be_seen():
-    lines = [line("t x1 y1 x2 y2", number, ball(number)) for number in range(FRAMES)]
-    lines[5] = "0.5 0 0 0 0"
+@pytest.mark.parametrize(
+    ("layout", "unseen"),
+    [
+        ("t x1 y1 x2 y2", "0.5 0 0 0 0"),
+        ("t x1 y1 x2 y2", "0.5 9 7 9 8"),
+        ("t x y w h", "0.5 0 0 0 0"),
+        ("t x y w h", "0.5 190 40 0 0"),
+    ],
+)
+def test_a_box_without_area_says_that_the_object_cannot_be_seen(layout, unseen):
+    lines = [line(layout, number, ball(number)) for number in range(FRAMES)]
+    lines[5] = unseen
     assert read(lines) == expected(numbers=[number for number in range(FRAMES) if number != 5])
 
 
@@ -109,7 +118,10 @@ def test_frames_counted_from_an_unknown_number_must_be_named():
     [
         (["900.0 1 1 20 20", "901.0 1 1 20 20"], r"its times \(900.0 to 901.0\) are not those of labels within events"),
         (["0.1 1 1 200 20", "0.2 1 1 200 20"], "line 1 reaches over the border of the 190x180 frame"),
-        (["0.1 50 150 50 80", "0.2 50 150 50 80"], "line 1 has a box of 0 x 70 pixels"),
+        (
+            ["0.1 0.3 0.4 0.5 0.6", "0.2 0.3 0.4 0.5 0.6"],
+            r"line 1 has a box of 0.2 x 0.2 pixels; .* 0.5 x 0.6 pixels; no",
+        ),
         (["0.1 0 0 0 0"], "holds no box"),
         (["1 2 3"], "3 columns; no other reading"),
     ],

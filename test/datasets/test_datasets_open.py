@@ -62,6 +62,22 @@ def test_labels_are_on_the_clock_on_which_the_recording_gives_its_events(tmp_pat
     assert all(times[0] <= label.stamp_ns <= times[-1] for label in sequence.boxes["ball"])
 
 
+@pytest.mark.parametrize("folder", ["", "dynamic"])
+def test_ecd_is_labelled_by_files_of_single_objects_too(tmp_path, folder):
+    write_text_folder(tmp_path / "dynamic", moving_events(0))
+    write_text_folder(tmp_path / "dynamic_6dof", moving_events(0))
+    lines = ["10000 1 21 22 37", "20000 3 21 22 37", "30000 190 20 0 0", "40000 9 21 22 37"]
+    for name in ("dynamic_HEAD.txt", "dynamic_CUP.txt", "dynamic_6dof_CUP2.txt"):
+        (tmp_path / folder / name).write_text("\n".join(lines))
+    (sequence, *others) = open_dataset("ecd", tmp_path)
+    assert [other.name for other in others] == ([] if folder else ["dynamic_6dof"])
+    assert sequence.recording == tmp_path / "dynamic"
+    assert sorted(sequence.boxes) == ["cup", "head"]
+    assert sequence.boxes["head"] == [
+        TimedBox(stamp_ns, Box(x, 21, 22, 37)) for stamp_ns, x in ((10**7, 1), (2 * 10**7, 3), (4 * 10**7, 9))
+    ]
+
+
 def test_labels_on_another_clock_are_refused(tmp_path):
     write_text_folder(tmp_path / "shapes", moving_events(0))
     write_csv(tmp_path / "shapes" / "boxes.csv", two_labels(ROS_EPOCH_NS))
