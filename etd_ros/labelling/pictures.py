@@ -6,6 +6,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Literal
 
@@ -113,15 +114,16 @@ def make_pictures(recording: Recording, kind: PictureKind | None = None, *, rate
         raise LabellingError(msg)
     if kind is None:
         kind = "reconstruction" if next(recording.images(), None) is None else "video"
-    pictures = Pictures(kind, recording.width, recording.height)
-    images = _video(recording) if kind == "video" else reconstructions(recording, rate_hz)
-    for stamp_ns, image in images:
-        pictures.add(stamp_ns, image)
-    if not len(pictures):
-        other = "reconstruction" if kind == "video" else "a higher --rate"
-        msg = f"{recording.path}: no {kind} picture to label: try {'--on ' if kind == 'video' else ''}{other}"
-        raise LabellingError(msg)
-    pictures.finish()
+    with ExitStack() as stack:
+        pictures = stack.enter_context(Pictures(kind, recording.width, recording.height))
+        for stamp_ns, image in _video(recording) if kind == "video" else reconstructions(recording, rate_hz):
+            pictures.add(stamp_ns, image)
+        if not len(pictures):
+            cure = "--on reconstruction" if kind == "video" else "a higher --rate"
+            msg = f"{recording.path}: no {kind} picture to label: try {cure}"
+            raise LabellingError(msg)
+        pictures.finish()
+        stack.pop_all()
     return pictures
 
 

@@ -58,9 +58,9 @@ class LabelSession:
         self._stamps = stamps
         self._width, self._height = width, height
         self._lock = threading.Lock()
-        self._past: list[Labels] = []
-        self._future: list[Labels] = []
-        self._labels, self.is_saved = self._begin()
+        self._csv_digest = digest_of(output)
+        labels, self.is_saved = self._begin()
+        self._history, self._place = [labels], 0
 
     def state(self) -> dict[str, Any]:
         """All that the page shows of the labels, as JSON can hold it."""
@@ -80,20 +80,10 @@ class LabelSession:
             OutputError: it cannot be kept.
         """
         with self._lock:
-            action = change.get("action")
-            if action == "undo":
-                self._go(self._past, self._future)
-            elif action == "redo":
-                self._go(self._future, self._past)
-            else:
-                labels = self._changed(str(action), change)
-                if labels == self._labels:
-                    return self._state()
-                self._past = [*self._past[1 - UNDO_MAX :], self._labels]
-                self._future = []
-                self._labels = labels
-            self.is_saved = False
-            self._keep()
+            history, place = self._moved(change)
+            if history[place] != self._labels:
+                self._keep(history[place], is_saved=False)
+                self._history, self._place = history, place
             return self._state()
 
     def save(self) -> dict[str, Any]:
@@ -110,8 +100,8 @@ class LabelSession:
                 msg = "no box to save: draw one first"
                 raise LabellingError(msg)
             write_boxes(self.output, boxes)
-            self.is_saved = True
-            self._keep()
+            self._csv_digest = digest_of(self.output)
+            self._keep(self._labels, is_saved=True)
             rows = sum(map(len, boxes.values()))
             notice = f"{_counted(rows, 'box', 'boxes')} of {_counted(len(boxes), 'target', 'targets')} saved"
             single = [name for name, rows_of_one in boxes.items() if len(rows_of_one) < 2]
@@ -122,18 +112,36 @@ class LabelSession:
     def _begin(self) -> tuple[Labels, bool]:
         if self.keys_path.exists():
             kept = read_kept(self.keys_path)
-            if kept.csv_digest == digest_of(self.output):
+            if kept.csv_digest == self._csv_digest:
                 return kept.labels, kept.is_saved
+            if self._csv_digest is None:
+                return kept.labels, False
             if not kept.is_saved:
                 msg = (
                     f"{self.output}: changed since {self.keys_path.name} was kept, which has work that is not saved: "
                     "remove the one that is not wanted"
                 )
                 raise LabellingError(msg)
-        if not self.output.exists():
+        if self._csv_digest is None:
             return {}, True
         boxes = read_boxes(self.output)
         return {checked_name(name): key_frames_from(rows, self._stamps) for name, rows in boxes.items()}, True
+
+    @property
+    def _labels(self) -> Labels:
+        return self._history[self._place]
+
+    def _moved(self, change: Mapping[str, Any]) -> tuple[list[Labels], int]:
+        """The history and the place in it after a change."""
+        action = change.get("action")
+        if action in ("undo", "redo"):
+            place = self._place + (1 if action == "redo" else -1)
+            if not 0 <= place < len(self._history):
+                msg = f"there is nothing to {action}"
+                raise LabellingError(msg)
+            return self._history, place
+        history = [*self._history[: self._place + 1], self._changed(str(action), change)][-UNDO_MAX:]
+        return history, len(history) - 1
 
     def _changed(self, action: str, change: Mapping[str, Any]) -> Labels:
         labels = dict(self._labels)
@@ -187,22 +195,17 @@ class LabelSession:
             raise LabellingError(str(err)) from err
         return box
 
-    def _go(self, source: list[Labels], other: list[Labels]) -> None:
-        if not source:
-            msg = "there is nothing more to undo or redo"
-            raise LabellingError(msg)
-        other.append(self._labels)
-        self._labels = source.pop()
-
-    def _keep(self) -> None:
-        keep(self.keys_path, KeptLabels(self._labels, self.is_saved, digest_of(self.output)))
+    def _keep(self, labels: Labels, *, is_saved: bool) -> None:
+        """Nothing is taken for changed that could not be kept."""
+        keep(self.keys_path, KeptLabels(labels, is_saved, self._csv_digest))
+        self.is_saved = is_saved
 
     def _state(self) -> dict[str, Any]:
         return {
             "targets": [self._target_state(name, key_frames) for name, key_frames in self._labels.items()],
             "is_saved": self.is_saved,
-            "can_undo": bool(self._past),
-            "can_redo": bool(self._future),
+            "can_undo": self._place > 0,
+            "can_redo": self._place + 1 < len(self._history),
         }
 
     def _target_state(self, name: str, key_frames: Sequence[KeyFrame]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from etd_ros.errors import EtdError
 from etd_ros.evaluation import read_boxes
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.labelling import LabellingError, LabelSession
+from etd_ros.output_files import OutputError
 
 STAMPS = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(20)
 BOX = [10, 10, 20, 20]
@@ -137,6 +138,39 @@ def test_damaged_key_frames_are_refused_in_one_line(output, content):
     assert "\n" not in str(refused.value)
 
 
+def test_a_csv_that_is_gone_takes_no_key_frame_with_it(output):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    session.save()
+    output.unlink()
+    again = begun(output)
+    assert again.state()["targets"] == session.state()["targets"]
+    assert not again.is_saved
+
+
+def test_a_csv_changed_while_somebody_draws_is_not_decided_upon_either(output):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    session.save()
+    output.write_text(output.read_text().replace("ball", "drone"))
+    edit(session, "hide", target="ball", picture=12)
+    with pytest.raises(LabellingError, match="changed since"):
+        begun(output)
+
+
+def test_a_change_that_cannot_be_kept_is_not_made(output):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    before = session.state()
+    session.keys_path.unlink()
+    session.keys_path.mkdir()
+    with pytest.raises(OutputError):
+        edit(session, "hide", target="ball", picture=12)
+    with pytest.raises(OutputError):
+        edit(session, "undo")
+    assert session.state() == before
+
+
 def test_changes_are_undone_and_done_again(output):
     session = begun(output)
     states = [session.state()["targets"]]
@@ -154,7 +188,7 @@ def test_changes_are_undone_and_done_again(output):
         assert edit(session, "undo")["targets"] == expected
     for expected in states[1:]:
         assert edit(session, "redo")["targets"] == expected
-    with pytest.raises(LabellingError, match="nothing more to undo or redo"):
+    with pytest.raises(LabellingError, match="there is nothing to redo"):
         edit(session, "redo")
 
 

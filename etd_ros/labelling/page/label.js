@@ -259,8 +259,8 @@ function goToKey(direction) {
 
 const hideTarget = () => active && edit("hide", { target: active, picture: current });
 
-function zoomBy(change) {
-  view.setZoom(view.zoom + change);
+function zoomBy(steps) {
+  view.zoomBy(steps);
   drawAll();
 }
 

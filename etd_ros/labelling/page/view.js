@@ -5,7 +5,7 @@ export const COLOURS = [
 ];
 const HANDLE_CSS_PX = 7;
 const EDGE_HANDLES_FROM_CSS_PX = 36;
-const ZOOM_MAX = 16;
+const ZOOMS = [0.25, 0.5, 0.75, 1, 2, 3, 4, 5, 6, 8, 10, 12, 16];
 const CURSORS = { nw: "nwse-resize", se: "nwse-resize", ne: "nesw-resize", sw: "nesw-resize", n: "ns-resize", s: "ns-resize", w: "ew-resize", e: "ew-resize" };
 
 export function colourOf(index) {
@@ -27,16 +27,21 @@ export class View {
 
   fit() {
     const room = Math.min(this.stage.clientWidth / this.width, this.stage.clientHeight / this.height);
-    this.setZoom(Math.floor(room));
+    this.setZoom(ZOOMS.findLast((zoom) => zoom <= room) ?? ZOOMS[0]);
     this.isFitted = true;
+  }
+
+  zoomBy(steps) {
+    const index = ZOOMS.indexOf(this.zoom) + steps;
+    if (ZOOMS[index]) this.setZoom(ZOOMS[index]);
   }
 
   // What is looked at stays in the middle: the active target's box, or else the picture's own middle.
   setZoom(zoom) {
     this.isFitted = false;
-    this.zoom = Math.min(ZOOM_MAX, Math.max(1, zoom));
-    this.canvas.width = this.width * this.zoom;
-    this.canvas.height = this.height * this.zoom;
+    this.zoom = zoom;
+    this.canvas.width = this.width * zoom;
+    this.canvas.height = this.height * zoom;
     this.draw();
     const [x, y, w, h] = this.shown().boxes.find((item) => item.isActive)?.box ?? [0, 0, this.width, this.height];
     this.stage.scrollTo((x + w / 2) * this.zoom - this.stage.clientWidth / 2, (y + h / 2) * this.zoom - this.stage.clientHeight / 2);
@@ -45,7 +50,7 @@ export class View {
   draw() {
     const context = this.canvas.getContext("2d");
     const { image, boxes } = this.shown();
-    context.imageSmoothingEnabled = false;
+    context.imageSmoothingEnabled = this.zoom < 1;
     context.fillStyle = "#000";
     context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     if (image) {
