@@ -1,5 +1,7 @@
 """The scale filter: sizes of a texture of which everything is known."""
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -35,6 +37,13 @@ def test_the_scale_filter_finds_by_how_many_steps_the_target_grew(zoomed, size, 
     factor = scales.find(zoomed(STEP**k), CENTER, size)
     # The taper towards the outer sizes draws a single answer towards none; the next picture makes up for it.
     assert np.log(factor) / np.log(STEP) == pytest.approx(k, abs=0.2 * abs(k) + 0.3)
+
+
+def test_sizes_between_the_steps_are_told_apart(zoomed):
+    scales = ScaleFilter((40.0, 40.0), EcoConfig())
+    scales.learn(zoomed(1), CENTER, (40.0, 40.0))
+    found = [scales.find(zoomed(STEP ** (k / 4)), CENTER, (40.0, 40.0)) for k in range(5)]
+    assert all(later > earlier for earlier, later in itertools.pairwise(found))
 
 
 def test_growing_picture_after_picture_is_followed(zoomed):

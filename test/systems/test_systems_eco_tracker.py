@@ -6,7 +6,7 @@ import pytest
 
 from etd_ros.boxes import Box, BoxError
 from etd_ros.simulation import TEXTURES, Path, Scene, Sprite, true_boxes
-from etd_ros.systems.eco import EcoTracker
+from etd_ros.systems.eco import EcoConfig, EcoTracker
 from etd_ros.systems.interface import CompareError
 
 WIDTH, HEIGHT, PICTURES = 240, 180, 30
@@ -63,6 +63,16 @@ def test_a_textured_sprite_is_followed_as_it_moves_and_changes_its_size(pose, te
     assert np.mean(ious) > 0.8
     assert min(ious) > 0.7
     assert all(0 <= answer.score <= 1 for answer in found)
+
+
+def test_what_is_learnt_of_a_target_that_moves_has_it_in_the_middle():
+    # A tracker that forgets at once drifts with every picture whose target it has not put right.
+    scene = scene_of(lambda times: (60 + 100 * times, 90 + 0 * times))
+    pictures, boxes = pictures_of(scene), boxes_of(scene)
+    tracker = EcoTracker(EcoConfig(learning_rate=0.5))
+    tracker.start(pictures[0], boxes[0])
+    found = [tracker.update(picture) for picture in pictures[1:]]
+    assert min(overlaps(found, boxes)) > 0.7
 
 
 @pytest.mark.parametrize("shift_px", [(0.0, 0.0), (0.5, -0.25), (3.3, 2.1), (-7.75, 5.5)])
