@@ -59,12 +59,14 @@ def run(options: argparse.Namespace) -> int:
             server.serve()
         except KeyboardInterrupt:
             print()
-        print(
-            f"saved: {options.output}"
-            if session.is_saved
-            else f"not saved, but kept in {session.keys_path}: run the same command to go on"
-        )
+        print(_outcome(session))
     return 0
+
+
+def _outcome(session: LabelSession) -> str:
+    if not session.is_saved:
+        return f"not saved, but kept in {session.keys_path}: run the same command to go on"
+    return f"saved: {session.output}" if session.output.exists() else "nothing labelled"
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from etd_ros.boxes import BoxError
-from etd_ros.datasets.box_columns import read_columns
+from etd_ros.datasets.box_columns import UnnamedObjectsError, read_columns
 from etd_ros.datasets.box_text import read_box_text
 from etd_ros.datasets.interface import DatasetError
 from etd_ros.datasets.sequences import FoundSequence
@@ -62,16 +62,17 @@ def _only(files: Sequence[Path]) -> Path | None:
 def _labels_from_csv(csv: Path, sequence: FoundSequence) -> tuple[Path, Boxes]:
     boxes = read_boxes(csv)
     stamps = [label.stamp_ns for labels in boxes.values() for label in labels]
-    spans = [span_of(recording) for recording in sequence.recordings]
-    span = next((span for span in spans if span.holds(min(stamps)) and span.holds(max(stamps))), None)
-    if span is None:
-        msg = (
-            f"{csv}: its labels, {min(stamps)} to {max(stamps)} ns, are not on the clock of {spans[0]}: give stamps as "
-            "the recording's events have them"
-        )
-        raise DatasetError(msg)
-    check_labels(csv, boxes, span)
-    return span.recording, boxes
+    # The other containers need not even be readable where the preferred one fits.
+    for recording in sequence.recordings:
+        span = span_of(recording)
+        if span.holds(min(stamps)) and span.holds(max(stamps)):
+            check_labels(csv, boxes, span)
+            return recording, boxes
+    msg = (
+        f"{csv}: its labels, {min(stamps)} to {max(stamps)} ns, are not on the clock of {span}: give stamps as the "
+        "recording's events have them"
+    )
+    raise DatasetError(msg)
 
 
 def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) -> tuple[Path, Boxes]:
@@ -82,6 +83,8 @@ def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) 
         span = span_of(recording)
         try:
             boxes = read_columns(text, span, cache(partial(_image_stamps, recording)), columns)
+        except UnnamedObjectsError:
+            raise
         except DatasetError as err:
             misfits.append(err)
             continue

@@ -55,6 +55,14 @@ def test_ctrl_c_ends_it_and_says_where_the_labels_are(repository, tmp_path, bag,
     assert output.with_suffix(".keys.json").exists()
 
 
+def test_what_is_ended_without_a_label_leaves_nothing(repository, tmp_path, bag):
+    process = started(repository, bag, tmp_path / "boxes.csv", "--rate", "100")
+    process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60)[0].split("\n")[-2] == "nothing labelled"
+    assert list(tmp_path.iterdir()) == [bag]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

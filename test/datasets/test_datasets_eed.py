@@ -255,6 +255,7 @@ def test_several_objects_without_a_column_that_names_them_are_passed_over_and_na
         folder = write_text_folder(tmp_path / name, moving_events(0), [0])
         lines = [line("t x1 y1 x2 y2", number, ball(number)) for number in range(FRAMES)]
         (folder / "boundingbox.txt").write_text("\n".join(lines))
+    write_ros1_bag(folder / "two_objects.bag", moving_events(ROS_EPOCH_NS))
     with (folder / "boundingbox.txt").open("a") as file:
         file.write(f"\n{lines[0]}\n")
     told = []

@@ -139,6 +139,14 @@ def test_the_same_recording_in_two_containers_is_one_sequence_and_the_bag_is_rea
         assert recording.kind == "ROS 2 bag"
 
 
+def test_a_container_that_is_not_needed_need_not_be_readable(tmp_path):
+    write_ros1_bag(tmp_path / "a.bag", moving_events(ROS_EPOCH_NS))
+    (tmp_path / "a.aedat4").write_bytes(b"what the disk left of it")
+    write_csv(tmp_path / "a.boxes.csv", two_labels(ROS_EPOCH_NS))
+    (sequence,) = open_dataset("folder", tmp_path)
+    assert sequence.recording == tmp_path / "a.bag"
+
+
 def test_sequences_take_as_many_folder_names_as_tell_them_apart(tmp_path):
     root = tmp_path / "IROS_Dataset"
     places = ["fast_drone", "light_variations/strobe", "multiple_objects/1_obj", "multiple_objects/2_objs"]
