@@ -17,10 +17,11 @@ from etd_ros.evaluation import EvaluationError
 from etd_ros.evaluation.cell_run import PROTOCOL_NAMES, CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
 from etd_ros.evaluation.matrix import REPETITIONS, Workforce, cell_tasks, fill_store, key_of, outstanding
-from etd_ros.evaluation.outputs import make_folder, write_tables
+from etd_ros.evaluation.outputs import make_folder, write_comparison
 from etd_ros.evaluation.store import Store
 from etd_ros.evaluation.table_formats import plain
 from etd_ros.evaluation.tables import make_table
+from etd_ros.plots import check_matplotlib
 from etd_ros.settings import Settings
 from etd_ros.systems.registry import SYSTEMS
 
@@ -41,6 +42,7 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> None:
     sequences = _sequences(options.dataset, options.only, options.box_columns)
     tasks = cell_tasks(sequences, systems, protocols, options.repetitions or REPETITIONS, settings)
     if options.output:
+        check_matplotlib()
         make_folder(options.output)
     workforce = Workforce(options.jobs, options.cell_timeout, options.scheduler)
     with Store(_store_path(options.store, options.output)) as store:
@@ -48,7 +50,7 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> None:
         results = list(store.results(map(key_of, tasks)))
         if options.output:
             store.export_csv(options.output / "cells.csv")
-            write_tables(options.output, results, protocols, systems)
+            write_comparison(options.output, tasks, results, protocols, systems)
     for protocol in protocols:
         print(f"{protocol}\n{plain(make_table(results, protocol, systems))}")
     _print_errors(results)

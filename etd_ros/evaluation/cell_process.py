@@ -145,14 +145,14 @@ def work(connection: Connection, threads: int) -> None:
     """Work out the cells that come, until the connection closes."""
     import cv2
 
-    from etd_ros.evaluation.cell_run import HeldRecording, run_cell
+    from etd_ros.evaluation.cell_run import Workplace, run_cell
 
     cv2.setNumThreads(threads)
     tasks: queue.SimpleQueue[CellTask] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, tasks), daemon=True).start()
-    held = HeldRecording()
+    workplace = Workplace()
     while True:
-        connection.send(run_cell(tasks.get(), held))
+        connection.send(run_cell(tasks.get(), workplace))
 
 
 def _receive(connection: Connection, tasks: queue.SimpleQueue[CellTask]) -> None:

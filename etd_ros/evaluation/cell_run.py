@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,12 @@ from etd_ros.recordings.loaded import LoadedRecording
 from etd_ros.settings import Settings
 from etd_ros.systems.running import run_system
 from etd_ros.targets import TargetStart
+from etd_ros.tracking import TargetState
 
 PROTOCOLS = {"one-pass": one_pass, "restarts": restarts}
 PROTOCOL_NAMES: tuple[ProtocolName, ...] = ("one-pass", "restarts")
 NAN = float("nan")
+WARM_UP_ANSWERS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +48,20 @@ class CellTask:
     fingerprint: str
 
 
-class HeldRecording:
-    """The recording that was asked for last, in memory: the cells of one recording follow each other."""
+class Workplace:
+    """What a process keeps from cell to cell: the recording that was asked for last, in memory, since the cells of one
+    recording follow each other, and which systems have run.
+
+    Attributes:
+        warm: systems whose libraries and kernels are loaded.
+    """
 
     def __init__(self) -> None:
         self._key: tuple[Path, str | None] | None = None
         self._recording: LoadedRecording | None = None
+        self.warm: set[str] = set()
 
-    def get(self, path: Path, topic: str | None) -> LoadedRecording:
+    def recording(self, path: Path, topic: str | None) -> LoadedRecording:
         """The recording.
 
         Raises:
@@ -67,10 +76,10 @@ class HeldRecording:
         return self._recording
 
 
-def run_cell(task: CellTask, held: HeldRecording) -> CellResult:
+def run_cell(task: CellTask, workplace: Workplace) -> CellResult:
     """The cell's result. Whatever goes wrong in it stays in it: it is the result's error then."""
     try:
-        return _run(task, held.get(task.recording, task.topic))
+        return _run(task, workplace)
     except EtdError as err:
         return failed_cell(task.cell, str(err))
     except Exception as err:
@@ -82,8 +91,9 @@ def failed_cell(cell: Cell, error: str) -> CellResult:
     return CellResult(cell, NAN, NAN, (), (), (), 0, (), 0, 0, NAN, " ".join(error.split()))
 
 
-def _run(task: CellTask, recording: LoadedRecording) -> CellResult:
+def _run(task: CellTask, workplace: Workplace) -> CellResult:
     cell, labels = task.cell, task.labels
+    recording = workplace.recording(task.recording, task.topic)
     events, last_event_ns = _extent(recording, task.settings, labels[0].stamp_ns, labels[-1].stamp_ns)
 
     def start_system(start: TargetStart, from_ns: int | None) -> Iterator[Step]:
@@ -91,8 +101,18 @@ def _run(task: CellTask, recording: LoadedRecording) -> CellResult:
             return iter(())
         return run_system(cell.system, recording, [start], task.settings, from_ns=from_ns, seed=cell.repetition)
 
+    if cell.system not in workplace.warm:
+        _warm_up(start_system(TargetStart(cell.target, labels[0].box, labels[0].stamp_ns), None))
+        workplace.warm.add(cell.system)
     outcome = PROTOCOLS[cell.protocol](start_system, cell.target, labels)
     return _result(cell, outcome, events)
+
+
+def _warm_up(steps: Iterator[Step]) -> None:
+    """Let a system's first answers go by: with them come libraries and kernels, whose loading is not its speed."""
+    answers = (step for step in steps for report in step.reports if report.state is not TargetState.IDLE)
+    for _ in islice(answers, WARM_UP_ANSWERS):
+        pass
 
 
 def _extent(recording: LoadedRecording, settings: Settings, first_ns: int, last_ns: int) -> tuple[int, int]:

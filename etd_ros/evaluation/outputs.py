@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from etd_ros.evaluation.cell_run import CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
+from etd_ros.evaluation.plots import plots_of
+from etd_ros.evaluation.report import report_html
 from etd_ros.evaluation.table_formats import csv_text, latex, markdown
 from etd_ros.evaluation.tables import make_table
 from etd_ros.output_files import OutputError, write_beside
@@ -26,16 +29,25 @@ def make_folder(folder: Path) -> None:
         raise OutputError(msg) from err
 
 
-def write_tables(
-    folder: Path, results: Iterable[CellResult], protocols: Sequence[ProtocolName], systems: Sequence[str]
+def write_comparison(
+    folder: Path,
+    tasks: Sequence[CellTask],
+    results: Sequence[CellResult],
+    protocols: Sequence[ProtocolName],
+    systems: Sequence[str],
 ) -> None:
-    """Write a table of each protocol in each format, as in table_one-pass.md.
+    """Write tables and plots of each protocol, as in table_one-pass.md, and report.html.
 
     Raises:
+        PlotError: Matplotlib is missing.
         OutputError: a file cannot be written.
+        EtdError: a recording cannot be read any more.
     """
-    found = list(results)
     for protocol in protocols:
+        found = [result for result in results if result.cell.protocol == protocol]
         table = make_table(found, protocol, systems)
         for suffix, text in FORMATS.items():
             write_beside(folder / f"table_{protocol}.{suffix}", text(table))
+        for plot in plots_of(table, found):
+            write_beside(folder / f"{plot.name}_{protocol}.png", plot.png)
+    write_beside(folder / "report.html", report_html(tasks, results, protocols, systems))

@@ -1,4 +1,4 @@
-"""Tables as Markdown, LaTeX, CSV and plain text, in the paper's form: the best value of each column in bold."""
+"""Tables as Markdown, LaTeX, HTML, CSV and plain text, in the paper's form: the best value of each column in bold."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 
 from etd_ros.evaluation.curves import Speed
 from etd_ros.evaluation.tables import DIGITS, MEAN, Entry, Figure, Table, rounded
@@ -68,6 +69,20 @@ def latex(table: Table) -> str:
         values = " & ".join(_marked(cell, r"\textbf{{{}}}", r" $\pm$ {}").replace(NOTHING, "--") for cell in cells)
         lines.append(rf"{_escaped(system)} & {values} \\ \hline")
     return "\n".join([*lines, r"\end{tabular}"]) + "\n"
+
+
+def html(table: Table) -> str:
+    """A table for a page of HTML."""
+    columns = list(_columns(table))
+    heads = "".join(f'<th colspan="{len(column.parts)}">{escape(column.title)}</th>' for column in columns)
+    parts = "".join(f"<th>{part}</th>" for column in columns for part in column.parts)
+    rows = []
+    for system in table.rows:
+        cells = [cell for column in columns for cell in column.of(system)]
+        values = "".join(f"<td>{_marked(cell, '<b>{}</b>', ' ± {}')}</td>" for cell in cells)
+        rows.append(f"<tr><th>{escape(system)}</th>{values}</tr>")
+    head = f'<tr><th rowspan="2">system</th>{heads}</tr><tr>{parts}</tr>'
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
 
 
 def csv_text(table: Table) -> str:

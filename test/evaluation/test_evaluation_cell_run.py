@@ -11,7 +11,7 @@ from evaluation_sequences import DURATION_S, tasks_of, write_sequence
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation import TimedBox, TrackRow, score
-from etd_ros.evaluation.cell_run import CellTask, HeldRecording, run_cell
+from etd_ros.evaluation.cell_run import CellTask, Workplace, run_cell
 from etd_ros.evaluation.cells import Cell
 from etd_ros.recordings import open_recording
 from etd_ros.systems.running import run_system
@@ -25,7 +25,7 @@ def square(tmp_path_factory):
 
 def test_a_one_pass_cell_has_the_figures_of_the_systems_own_track(square):
     (task,) = tasks_of(square, systems=("kcf",))
-    result = run_cell(task, HeldRecording())
+    result = run_cell(task, Workplace())
     labels = square.boxes["square"]
     with open_recording(square.recording) as recording:
         rows = [
@@ -47,9 +47,7 @@ def test_a_one_pass_cell_has_the_figures_of_the_systems_own_track(square):
 
 
 def test_a_system_that_fails_scores_more_when_it_is_started_again(square):
-    one_pass, restarts = (
-        run_cell(task, HeldRecording()) for task in tasks_of(square, protocols=("one-pass", "restarts"))
-    )
+    one_pass, restarts = (run_cell(task, Workplace()) for task in tasks_of(square, protocols=("one-pass", "restarts")))
     assert (one_pass.failures, one_pass.ar < 0.9) == (0, True)
     assert restarts.failures > 0
     assert restarts.ap > one_pass.ap
@@ -61,7 +59,7 @@ def test_labels_after_the_recordings_end_are_failures_and_nothing_more(square):
     late = [TimedBox(round((DURATION_S + 5 + number) * 1e9), Box(1, 1, 5, 5)) for number in range(4)]
     longer = dataclasses.replace(square, boxes={"square": [*labels, *late]})
     (task,) = tasks_of(longer, systems=("etd-plus",), protocols=("restarts",))
-    result = run_cell(task, HeldRecording())
+    result = run_cell(task, Workplace())
     assert result.error is None
     assert result.overlaps[-3:] == [0, 1, 1]
 
@@ -76,7 +74,7 @@ def test_only_systems_with_randomness_are_repeated(square):
 
 def test_the_repetition_seeds_what_is_random(square):
     first, again, other = (
-        run_cell(task, HeldRecording())
+        run_cell(task, Workplace())
         for task in [*tasks_of(square, systems=("tld",)), *tasks_of(square, systems=("tld",), repetitions=2)]
     )
     assert first.track == again.track
@@ -124,7 +122,7 @@ def faulty(task: CellTask, folder: Path) -> CellTask:
 )
 def test_what_goes_wrong_in_a_cell_is_its_result_in_one_line(square, tmp_path, make, message):
     (task,) = tasks_of(square)
-    result = run_cell(make(task, tmp_path), HeldRecording())
+    result = run_cell(make(task, tmp_path), Workplace())
     assert message in result.error
     assert "\n" not in result.error
     assert math.isnan(result.ap)

@@ -15,7 +15,7 @@ import pytest
 from evaluation_sequences import blocked_sequence, tasks_of, when_read, write_sequence
 
 from etd_ros.evaluation.cell_process import CellProcess
-from etd_ros.evaluation.cell_run import CellTask, HeldRecording, run_cell
+from etd_ros.evaluation.cell_run import CellTask, Workplace, run_cell
 from etd_ros.evaluation.cells import CellResult
 from etd_ros.evaluation.local import LocalProcesses, run_here
 
@@ -37,7 +37,7 @@ def cells_of(tasks: list[CellTask]) -> set:
 def test_two_processes_bring_what_one_call_after_the_other_does(square, tmp_path):
     other = write_sequence(tmp_path, "other")
     tasks = tasks_of(square, other, systems=("etd-nr", "kcf"), protocols=("one-pass", "restarts"))
-    expected = {task.cell: without_time(run_cell(task, HeldRecording())) for task in tasks}
+    expected = {task.cell: without_time(run_cell(task, Workplace())) for task in tasks}
     found = {result.cell: without_time(result) for result in run_here(tasks, 2, None)}
     assert found == expected
 
