@@ -84,8 +84,10 @@ def failure_pictures(failure: Failure, task: CellTask, workplace: Workplace) -> 
 
 def seen_at(recording: LoadedRecording, system: str, stamp_ns: int, settings: Settings) -> npt.NDArray[np.uint8] | None:
     """The last picture that a system could have been given at a time (ns): a video frame, a reconstruction, or for
-    systems fed with events an ATSLTD frame. uint8, shape (h, w), (h, w, 3), or (h, w, 2) of On and Off events. None where
-    there is no such picture.
+    systems fed with events an ATSLTD frame. None where there is no such picture.
+
+    Returns:
+        uint8, shape (h, w), (h, w, 3), or (h, w, 2) of On and Off events.
     """
     try:
         near = recording.since(max(0, stamp_ns - WARM_UP_NS))

@@ -17,7 +17,7 @@ from evaluation_sequences import write_sequence
 
 from etd_ros.cli import main
 
-CELLS = 402
+CELLS = 202
 """Of `started`: two sequences, of which one has no video."""
 SYSTEMS = ("etd-nr", "kcf", "kcf-reconstruction")
 
@@ -97,7 +97,7 @@ def started(dataset: Path, store: Path) -> subprocess.Popen:
         sys.executable,
         "-m",
         "etd_ros",
-        *arguments(dataset, *more, systems=("kcf", "tld", "tld-reconstruction")),
+        *arguments(dataset, *more, systems=("etd-nr", "tld")),
     ]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
