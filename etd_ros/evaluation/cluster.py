@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import queue
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -39,10 +41,25 @@ def run_on_cluster(
     except (OSError, ValueError) as err:
         msg = f"--scheduler {address}: cannot be reached ({err}): give the address that dask scheduler prints"
         raise EvaluationError(msg) from err
-    with client:
+    with _quiet(), client:
         of_future = {client.submit(run_in_process, task, cell_timeout_s, pure=False): task for task in tasks}
         for future in as_completed(of_future, loop=client.loop):
-            yield _result(future, of_future[future], address)
+            # A future that nobody holds lets the cluster forget its result.
+            yield _result(future, of_future.pop(future), address)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what Dask logs of a connection that breaks, pages of it, from standard error: one line says it."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _dask() -> tuple[Any, Any]:

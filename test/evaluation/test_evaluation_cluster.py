@@ -36,8 +36,9 @@ def running(*command: str) -> Iterator[subprocess.Popen]:
 
 
 @contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[str]:
-    """The address of a scheduler with workers: every second one has a nanny, and so no right to `multiprocessing`."""
+def cluster(folder: Path, workers: int) -> Iterator[tuple[str, int]]:
+    """Address and process id of a scheduler with workers; every second one has a nanny, and so no children by
+    `multiprocessing`."""
     here = ("--host", "127.0.0.1", "--no-dashboard")
     with ExitStack() as stack:
         scheduler = stack.enter_context(running("distributed.cli.dask_scheduler", *here, "--port", "0"))
@@ -46,7 +47,7 @@ def cluster(folder: Path, workers: int) -> Iterator[str]:
             nanny = "--nanny" if number % 2 else "--no-nanny"
             place = ("--nthreads", "1", "--local-directory", str(folder), nanny)
             stack.enter_context(running("distributed.cli.dask_worker", address, *here, *place))
-        yield address
+        yield address, scheduler.pid
 
 
 def reader_of(pipe: Path) -> int:
@@ -80,7 +81,7 @@ def test_a_worker_that_is_killed_over_a_cell_costs_none(tmp_path):
         whole.replace(blocked.recording)
         os.kill(killed[0], signal.SIGKILL)
 
-    with cluster(tmp_path, 2) as address, Store(tmp_path / "cells.sqlite") as store:
+    with cluster(tmp_path, 2) as (address, _), Store(tmp_path / "cells.sqlite") as store:
         killer = when_read(blocked.recording, kill_worker)
         results = list(fill_store(store, tasks, Workforce(scheduler=address)))
         killer.join()
@@ -96,7 +97,7 @@ def test_a_cell_that_hangs_or_fails_on_a_worker_leaves_it_fit_for_others(tmp_pat
         tasks_of(blocked_sequence(tmp_path, square)),
         tasks_of(square, systems=("kcf", "etd-nr")),
     )
-    with cluster(tmp_path, 1) as address:
+    with cluster(tmp_path, 1) as (address, _):
         (hung,) = run_on_cluster([hanging], address, 0.5)
         assert "was stopped after 0.5 s" in hung.error
         results = {result.cell: result.error for result in run_on_cluster([failing, good], address, None)}
@@ -111,3 +112,15 @@ def test_a_scheduler_that_is_not_there_is_one_line():
     with patience, pytest.raises(EvaluationError, match="cannot be reached") as caught:
         list(run_on_cluster([], address, None))
     assert "\n" not in str(caught.value)
+
+
+def test_a_scheduler_that_goes_is_one_line(tmp_path, capfd):
+    square = write_sequence(tmp_path, "square")
+    blocked = blocked_sequence(tmp_path, square)
+    with cluster(tmp_path, 1) as (address, scheduler):
+        killer = when_read(blocked.recording, lambda: os.kill(scheduler, signal.SIGKILL))
+        patience = dask.config.set({"distributed.comm.timeouts.connect": "200ms"})
+        with patience, pytest.raises(EvaluationError, match="has gone: start it and run evaluate again"):
+            list(run_on_cluster(tasks_of(blocked), address, None))
+        killer.join()
+    assert capfd.readouterr().err == ""
