@@ -61,7 +61,9 @@ def main() -> None:
         ap, ar, ms = (sum(values) / len(values) for values in zip(*found, strict=True))
         sys.stdout.write(f"| `{system}` | {' | '.join(cells)} | {ap:.3f}/{ar:.3f} | {ms:.1f} |\n")
         sys.stdout.flush()
-    for recording, label in {id(recording): (recording, labels[0]) for recording, _, labels in targets}.values():
+    for recording, label in {
+        id(recording): (recording, labels[0]) for recording, _, labels in reversed(targets)
+    }.values():
         size = f"{recording.width}x{recording.height}"
         sys.stdout.write(f"E-MS at {size}: {e_ms_rate(recording, label):.2f} Mev/s\n")
 

@@ -104,11 +104,11 @@ def _create(name: str, module: Any, class_name: str) -> Callable[[], Any]:
     Raises:
         CompareError: this OpenCV was built without it.
     """
-    kind = getattr(module, class_name, None)
-    if kind is None:
+    create = getattr(module, f"{class_name}_create", None)
+    if create is None:
         msg = f"{name}: OpenCV {cv2.__version__} has no {class_name}: install one with contrib modules ({INSTALL})"
         raise CompareError(msg)
-    return kind.create  # type: ignore[no-any-return]
+    return create  # type: ignore[no-any-return]
 
 
 def _colour(picture: Picture) -> Picture:
