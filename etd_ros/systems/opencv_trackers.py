@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,10 @@ from etd_ros.boxes import Box
 from etd_ros.settings import Settings
 from etd_ros.systems.interface import Answer, CompareError, Picture, PictureTracker
 
+TLD_SIDE_PX = 20
+"""What TLD makes of the smaller side of a target that has less."""
+TLD_SIDE_MIN_PX = 4
+"""Smaller targets would need pictures many times as large."""
 NOT_SAID = float("nan")
 INSTALL = "pip: opencv-contrib-python-headless; Ubuntu: python3-opencv"
 
@@ -30,16 +35,16 @@ class OpenCvTracker:
         self._tracker = create()
 
     def start(self, picture: Picture, box: Box) -> None:
-        """The target is at `box` (pixels), which is rounded to whole ones.
+        """The target is at `box` (pixels); what of it lies in the picture is taken, in whole pixels.
 
         Raises:
             CompareError: OpenCV cannot track this box.
         """
-        rounded = round(box.x), round(box.y), max(1, round(box.w)), max(1, round(box.h))
+        whole = _whole_pixels(box, picture)
         try:
-            self._tracker.init(_colour(picture), rounded)
+            self._tracker.init(_colour(picture), whole)
         except cv2.error as err:
-            msg = f"{self._name}: OpenCV cannot start at the box {rounded} ({_reason(err)}): choose another box"
+            msg = f"{self._name}: OpenCV cannot start at the box {whole} ({_reason(err)}): choose another box"
             raise CompareError(msg) from err
 
     def update(self, picture: Picture) -> Answer:
@@ -73,7 +78,7 @@ def tld_maker(settings: Settings, seed: int) -> Callable[[], PictureTracker]:  #
         CompareError: this OpenCV has no TLD.
     """
     create = _create("TLD", getattr(cv2, "legacy", None), "TrackerTLD")
-    return lambda: _SeededTld(create, seed)
+    return lambda: _Tld(create, seed)
 
 
 class _Kcf(OpenCvTracker):
@@ -84,18 +89,42 @@ class _Kcf(OpenCvTracker):
         self.update(picture)
 
 
-class _SeededTld(OpenCvTracker):
+class _Tld(OpenCvTracker):
     """TLD draws the pixel pairs of its ferns from C's `rand` when it starts, and never looks at OpenCV's own generator;
-    its other draws come from generators with fixed seeds."""
+    its other draws come from generators with fixed seeds.
+
+    It enlarges pictures in which a target has less than 20 pixels a side, and then gives boxes of the enlarged picture.
+    So that is done here, and undone.
+    """
 
     def __init__(self, create: Callable[[], Any], seed: int) -> None:
         super().__init__("TLD", create)
         self._seed = seed
+        self._scale = 1.0
 
     def start(self, picture: Picture, box: Box) -> None:
+        inside = Box(*map(float, _whole_pixels(box, picture)))
+        side_px = min(inside.w, inside.h)
+        if side_px < TLD_SIDE_MIN_PX:
+            msg = (
+                f"TLD needs {TLD_SIDE_MIN_PX} pixels a side of a target in the picture, not {side_px:g}: choose another"
+            )
+            raise CompareError(msg)
+        self._scale = max(1.0, TLD_SIDE_PX / side_px)
         # C takes the seeds 0 and 1 for the same.
         ctypes.CDLL(None).srand(ctypes.c_uint(self._seed + 1))
-        super().start(picture, box)
+        super().start(self._enlarged(picture), Box(*(value * self._scale for value in inside)))
+
+    def update(self, picture: Picture) -> Answer:
+        answer = super().update(self._enlarged(picture))
+        if answer.box is None:
+            return answer
+        return dataclasses.replace(answer, box=Box(*(value / self._scale for value in answer.box)))
+
+    def _enlarged(self, picture: Picture) -> Picture:
+        if self._scale == 1:
+            return picture
+        return np.asarray(cv2.resize(picture, None, fx=self._scale, fy=self._scale), np.uint8)
 
 
 def _create(name: str, module: Any, class_name: str) -> Callable[[], Any]:
@@ -109,6 +138,14 @@ def _create(name: str, module: Any, class_name: str) -> Callable[[], Any]:
         msg = f"{name}: OpenCV {cv2.__version__} has no {class_name}: install one with contrib modules ({INSTALL})"
         raise CompareError(msg)
     return create  # type: ignore[no-any-return]
+
+
+def _whole_pixels(box: Box, picture: Picture) -> tuple[int, int, int, int]:
+    """What of a box lies in the picture: x, y, w, h, at least a pixel each way."""
+    rows, columns = picture.shape[:2]
+    left, top = min(max(0, round(box.x)), columns - 1), min(max(0, round(box.y)), rows - 1)
+    right, bottom = min(columns, round(box.x + box.w)), min(rows, round(box.y + box.h))
+    return left, top, max(1, right - left), max(1, bottom - top)
 
 
 def _colour(picture: Picture) -> Picture:

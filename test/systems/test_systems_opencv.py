@@ -57,6 +57,30 @@ def test_tld_follows_from_its_seed_whatever_ran_before():
     assert first != other
 
 
+@pytest.mark.parametrize("name", MAKERS)
+def test_of_a_box_over_the_border_the_part_in_the_picture_is_followed(name):
+    tracker = MAKERS[name](Settings(), 0)()
+    tracker.start(picture(0, 30), Box(-10, 30, 40, 26))
+    answer = tracker.update(picture(1, 30))
+    assert answer.box is not None
+    assert answer.box.iou(Box(1, 30, 30, 26)) > LEAST_IOU[name] - 0.1
+
+
+def test_small_targets_get_boxes_on_the_pictures_own_pixels_from_tld():
+    small = [cv2.resize(picture(40 + 2 * step, 30), None, fx=0.5, fy=0.5) for step in range(6)]
+    tracker = tld_maker(Settings(), 0)()
+    tracker.start(small[0], Box(20, 15, 15, 13))
+    for step in range(1, 6):
+        answer = tracker.update(small[step])
+        assert answer.box is not None
+        assert answer.box.iou(Box(20 + step, 15, 15, 13)) > 0.5
+
+
+def test_targets_too_small_for_tld_are_refused():
+    with pytest.raises(CompareError, match="TLD needs 4 pixels a side"):
+        tld_maker(Settings(), 0)().start(picture(40, 30), Box(40, 30, 3, 10))
+
+
 @pytest.mark.parametrize(("name", "owner", "attribute"), [("KCF", cv2, "TrackerKCF_create"), ("TLD", cv2, "legacy")])
 def test_an_opencv_without_contrib_modules_is_answered_with_what_to_install(monkeypatch, name, owner, attribute):
     monkeypatch.delattr(owner, attribute)
