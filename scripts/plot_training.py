@@ -17,7 +17,7 @@ LOSSES = {
 }
 SHARES = {
     "validation_overlap": "mean IoU of the likeliest box",
-    "validation_found": "IoU of at least 0.5",
+    "validation_found": "found: IoU of at least 0.5; SiamFC: within 2 cells",
     "validation_recall": "the same above 99 % of the windows without target",
 }
 
@@ -32,8 +32,9 @@ def main() -> None:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4))
     for axes, curves in ((left, LOSSES), (right, SHARES)):
-        for name, label in curves.items():
-            axes.plot([row["step"] for row in rows], [row[name] for row in rows], "o-", ms=3, label=label)
+        # Each network has losses and figures of its own.
+        for name in (name for name in curves if name in rows[0]):
+            axes.plot([row["step"] for row in rows], [row[name] for row in rows], "o-", ms=3, label=curves[name])
         axes.set(xlabel="step", ylim=(0, None))
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)

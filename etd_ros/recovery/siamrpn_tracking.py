@@ -21,8 +21,6 @@ SIDE_MIN_PX = 4.0
 DISTRACTORS_MAX = 4
 DISTRACTOR_SHARE = 0.5
 """Of the target's score: what scores as much off its box is a look-alike."""
-DISTRACTOR_WEIGHT = 0.5
-"""What likeness to them takes off a place's score (Eq. 5)."""
 DISTRACTOR_INTERVAL = 10
 """Pictures on which the target is seen, from one on which look-alikes are looked for to the next."""
 
@@ -41,6 +39,8 @@ class Scoring(NamedTuple):
         instance_side_step: what each picture without the target adds to it.
         lost_score: a target that scores less is lost ...
         found_score: ... until a place scores more than this.
+        distractor_weight: share of a place's likeness to look-alikes that is taken off its score (Zhu et al. 2018,
+            Eq. 5).
     """
 
     penalty: float
@@ -51,6 +51,7 @@ class Scoring(NamedTuple):
     instance_side_step: int
     lost_score: float
     found_score: float
+    distractor_weight: float = 0.5
 
 
 VOT = Scoring(0.04, 0.44, 0.45, 271, 831, 56, 0.85, 0.998)
@@ -128,7 +129,7 @@ class SiamRpnTracker:
         """Likeness to the target less that to look-alikes, after penalty and window; shape of `penalty`."""
         likeness = scores[0]
         if len(scores) > 1:
-            likeness = likeness - DISTRACTOR_WEIGHT * scores[1:].mean(0)
+            likeness = likeness - self._scoring.distractor_weight * scores[1:].mean(0)
         judged: FloatArray = penalty * likeness
         # A lost target may be anywhere.
         if self._pictures_lost:

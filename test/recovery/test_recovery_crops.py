@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recovery_scenes import HEIGHT, WIDTH, texture
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.crops import cut, exemplar_extent
@@ -48,3 +49,11 @@ def test_boxes_come_back_from_the_crop(x, y, w, h, scale):
 
 def test_an_exemplar_of_a_square_is_twice_as_wide():
     assert exemplar_extent(30, 30) == pytest.approx(60)
+
+
+@pytest.mark.parametrize("scale", [0.4, 1.0, 2.5])
+def test_each_channel_of_a_colour_picture_is_cut_as_a_grey_one(scale):
+    channels = [texture(seed, WIDTH, HEIGHT) for seed in (1, 2, 3)]
+    colour = cut(np.dstack(channels), (10.3, 100.7), scale, (64, 48)).pixels
+    for index, channel in enumerate(channels):
+        np.testing.assert_array_equal(colour[..., index], cut(channel, (10.3, 100.7), scale, (64, 48)).pixels)

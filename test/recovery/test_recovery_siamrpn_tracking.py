@@ -19,7 +19,6 @@ from etd_ros.recovery.siamrpn_tracking import (
     BIG,
     COMPACT,
     DISTRACTOR_INTERVAL,
-    DISTRACTOR_WEIGHT,
     VOT,
     Scoring,
     SiamRpnTracker,
@@ -133,7 +132,7 @@ def test_a_look_alike_that_was_seen_beside_the_target_is_not_taken_for_it():
         tracker.update(BLANK)
     assert len(network.templates) == 2
     # Without what is known of it, it would be taken now.
-    network.places = ((*HERE, 0.6), (*beside, 0.6 + DISTRACTOR_WEIGHT * 0.85))
+    network.places = ((*HERE, 0.6), (*beside, 0.6 + PLAIN.distractor_weight * 0.85))
     assert tracker.update(BLANK)[0].center == pytest.approx((120, 95))
     fresh = tracker_on(Answering(*network.places))
     assert fresh.update(BLANK)[0].center[0] > 140
@@ -223,3 +222,15 @@ def test_windows_have_sides_that_the_networks_take():
         for side in (scoring.instance_side, scoring.instance_side_max):
             assert (side - first) % geometry == 0
         assert scoring.instance_side_step % geometry == 0
+
+
+def test_colour_pictures_are_seen_as_grey_ones_by_the_network_that_ships():
+    sprite = texture(1, 40, 36)
+    frames = [(picture((sprite, START._replace(x=100 + shift, h=36)))) for shift in (0, 4)]
+    answers = []
+    for shown in (frames, [np.repeat(frame[..., None], 3, axis=2) for frame in frames]):
+        tracker = make_siamrpn(RecoveryConfig())()
+        tracker.start(shown[0], START._replace(h=36))
+        answers.append(tracker.update(shown[1]))
+    assert answers[0][0] is not None
+    np.testing.assert_allclose(answers[0][0], answers[1][0], atol=0.1)

@@ -13,7 +13,7 @@ from etd_ros.boxes import Box
 from etd_ros.recovery.siamfc import load_siamfc
 from etd_ros.recovery.siamfc_tracking import SMALL_GEOMETRY
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.following import follow, targets_of
+from etd_ros.recovery.training.following import follow, main, targets_of
 from etd_ros.recovery.training.loop import Progress, Training, prepare
 from etd_ros.recovery.training.pairs import PairSampler
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, Sequence, SequenceCache
@@ -185,3 +185,16 @@ def test_followings_are_scored_where_the_target_can_be_seen():
     np.testing.assert_allclose(beside.overlaps, 1 / 3)
     hidden = dataclasses.replace(sequence, visible=np.where(np.arange(len(sequence.images)) > 10, 0.2, 1.0)[:, None])
     assert len(follow(Perfect(hidden, 0), hidden, 0).overlaps) == 10
+
+
+def test_the_table_has_a_row_for_each_tracker(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["following", "--scenes", "1"])
+    main()
+    header, _, *rows = capsys.readouterr().out.splitlines()
+    assert header == "| tracker | AP | AR | ms a picture | targets |"
+    assert [row.split("|")[1].strip() for row in rows] == ["siamfc, shipped", "dasiamrpn, compact"]
+    for row in rows:
+        ap, ar, cost_ms, targets = (float(cell) for cell in row.split("|")[2:6])
+        assert 0 <= min(ap, ar) <= max(ap, ar) <= 1
+        assert cost_ms > 0
+        assert targets >= 1

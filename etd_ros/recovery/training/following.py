@@ -7,7 +7,6 @@ network's scoring was chosen, on other scenes.
 from __future__ import annotations
 
 import argparse
-import itertools
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +21,7 @@ from etd_ros.boxes import Box
 from etd_ros.recovery.config import RecoveryConfig
 from etd_ros.recovery.crops import Picture
 from etd_ros.recovery.picture_trackers import compact_network, make_siamfc, make_siamrpn
-from etd_ros.recovery.siamrpn_tracking import COMPACT, Scoring, SiamRpnTracker
+from etd_ros.recovery.siamrpn_tracking import COMPACT, VOT, Scoring, SiamRpnTracker
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, Sequence
 from etd_ros.recovery.training.video import video_sequence
 
@@ -94,12 +93,24 @@ def _box(sequence: Sequence, target: int, index: int) -> Box:
 
 
 def _choices() -> Iterator[Scoring]:
-    """The shipped scoring first; then what was weighed against it."""
-    yield COMPACT
-    for penalty, influence, rate in itertools.product((0.04, 0.15, 0.4), (0.1, 0.25, 0.44), (0.15, 0.3, 0.45)):
-        yield COMPACT._replace(penalty=penalty, window_influence=influence, size_rate=rate)
-    for lost, found in itertools.product((0.0, 0.05, 0.1, 0.2, 0.3), (0.2, 0.4, 0.6)):
-        yield COMPACT._replace(lost_score=lost, found_score=max(lost, found))
+    """What the compact network's scoring was chosen from: the published one, never lost, and one change at a time;
+    then what is best of it together, and changes round that. The shipped one is among them."""
+    published = COMPACT._replace(
+        penalty=VOT.penalty, window_influence=VOT.window_influence, size_rate=VOT.size_rate, lost_score=0, found_score=0
+    )
+    yield published
+    yield published._replace(distractor_weight=0.0)
+    for lost, found in ((0.05, 0.2), (0.1, 0.3), (0.2, 0.3)):
+        yield published._replace(lost_score=lost, found_score=found)
+    yield from (published._replace(window_influence=influence) for influence in (0.1, 0.25, 0.6))
+    yield from (published._replace(penalty=penalty) for penalty in (0.15, 0.4, 1.0))
+    yield from (published._replace(size_rate=rate) for rate in (0.2, 0.8))
+    together = published._replace(window_influence=0.1, lost_score=0.1, found_score=0.3)
+    yield together
+    yield from (together._replace(window_influence=influence) for influence in (0.05, 0.15))
+    yield from (together._replace(lost_score=lost, found_score=found) for lost, found in ((0.1, 0.5), (0.15, 0.3)))
+    yield together._replace(penalty=0.15)
+    yield together._replace(size_rate=0.6)
 
 
 def main() -> None:
@@ -124,12 +135,18 @@ def _makers(options: argparse.Namespace) -> dict[str, Callable[[], PictureFollow
     """What is compared, by its name in the table."""
     if options.choose:
         network = compact_network("")
-        return {str(scoring): partial(SiamRpnTracker, network, scoring) for scoring in _choices()}
+        return {_told(scoring): partial(SiamRpnTracker, network, scoring) for scoring in _choices()}
     config = RecoveryConfig(siamfc_model=options.siamfc_model, siamrpn_model=options.siamrpn_model)
     return {
         f"siamfc, {Path(options.siamfc_model).name or 'shipped'}": make_siamfc(config),
         f"dasiamrpn, {Path(options.siamrpn_model).name or 'compact'}": make_siamrpn(config),
     }
+
+
+def _told(scoring: Scoring) -> str:
+    """What can be chosen of a scoring."""
+    names = ("penalty", "window_influence", "size_rate", "lost_score", "found_score", "distractor_weight")
+    return ", ".join(f"{name} {getattr(scoring, name):g}" for name in names)
 
 
 if __name__ == "__main__":
