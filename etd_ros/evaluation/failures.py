@@ -49,13 +49,16 @@ class Failure:
 
 
 def longest_failure(results: Iterable[CellResult]) -> Failure | None:
-    """The longest failure in any of these cells; None where there is none."""
-    found = [failure for result in results for failure in _failures(result)]
+    """The longest failure in any of these cells after the system's first answer; None where there is none."""
+    found = [failure for result in results if result.error is None for failure in _failures(result)]
     return max(found, key=lambda failure: (failure.duration_s, failure.last - failure.first), default=None)
 
 
 def _failures(result: CellResult) -> Iterator[Failure]:
-    for fails, run in groupby(range(len(result.overlaps)), lambda index: result.overlaps[index] < SUCCESS_IOU):
+    # What comes before the first picture after the start is no fault of the system's.
+    first_ns = result.track[0].stamp_ns if result.track else result.stamps_ns[-1] + 1
+    answered = [index for index, stamp_ns in enumerate(result.stamps_ns) if stamp_ns >= first_ns]
+    for fails, run in groupby(answered, lambda index: result.overlaps[index] < SUCCESS_IOU):
         indices = list(run)
         if fails:
             yield Failure(result, indices[0], indices[-1])

@@ -86,7 +86,7 @@ def curves_png(by_system: Mapping[str, Results]) -> bytes:
     Raises:
         PlotError: Matplotlib is missing.
     """
-    figure = _new_figure(10.0, 4.6)
+    figure = _new_figure(10.0, 5.4)
     left, right = figure.subplots(1, 2)
     for number, (system, results) in enumerate(by_system.items()):
         success = success_curve([value for result in results for value in result.overlaps])
@@ -100,7 +100,7 @@ def curves_png(by_system: Mapping[str, Results]) -> bytes:
     for axes in (left, right):
         axes.set_ylim(-0.02, 1.02)
         axes.grid(alpha=0.25)
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
     return _png(figure)
 
 

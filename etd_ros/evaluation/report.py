@@ -105,7 +105,7 @@ def _failures(tasks: Iterable[CellTask], results: Sequence[CellResult], systems:
         if failure is not None:
             yield _failure(failure, pictures[failure.result.cell])
         elif any(result.error is None for result in results if result.cell.system == name):
-            yield f"<h3>{escape(name)}</h3><p>None of its overlaps is below 0.5.</p>"
+            yield f"<h3>{escape(name)}</h3><p>None of its answers has an overlap below 0.5.</p>"
 
 
 def _failure(failure: Failure, pictures: Iterable[tuple[str, Picture]]) -> str:

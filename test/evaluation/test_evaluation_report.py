@@ -13,7 +13,7 @@ import pytest
 from evaluation_sequences import tasks_of, write_sequence
 
 from etd_ros.boxes import Box
-from etd_ros.evaluation import TimedBox
+from etd_ros.evaluation import TimedBox, TrackRow
 from etd_ros.evaluation.cell_run import Workplace, run_cell
 from etd_ros.evaluation.cells import Cell, CellResult
 from etd_ros.evaluation.failures import (
@@ -95,11 +95,12 @@ def test_systems_with_an_error_are_in_no_curve_and_no_mean(results):
     assert found == ["overlap_folder_square"]
 
 
-def with_overlaps(*overlaps: float) -> CellResult:
+def with_overlaps(*overlaps: float, answered_ns: int = 0) -> CellResult:
     cell = Cell("folder", "square", "square", "kcf", "one-pass", 0)
     count = len(overlaps)
     stamps_ns = [10**9 * (number + 1) for number in range(count)]
-    return CellResult(cell, 0.5, 0.5, stamps_ns, overlaps, [0.0] * count, 0, [], count, 1, 1.0)
+    track = [TrackRow(answered_ns, "square", Box(1, 1, 5, 5), 1.0, "tracking")]
+    return CellResult(cell, 0.5, 0.5, stamps_ns, overlaps, [0.0] * count, 0, track, count, 1, 1.0)
 
 
 def test_the_longest_failure_is_the_longest_run_below_one_half():
@@ -108,6 +109,13 @@ def test_the_longest_failure_is_the_longest_run_below_one_half():
     assert (failure.result, failure.first, failure.last, failure.duration_s) == (first, 2, 4, 2.0)
     assert longest_failure([with_overlaps(0.5, 1.0)]) is None
     assert longest_failure([]) is None
+
+
+def test_labels_before_the_first_answer_are_no_failure_of_the_system():
+    late = with_overlaps(0.0, 0.0, 0.0, 0.9, 0.1, answered_ns=3_500_000_000)
+    failure = longest_failure([late])
+    assert (failure.first, failure.last) == (4, 4)
+    assert longest_failure([dataclasses.replace(late, track=[])]) is None
 
 
 def test_what_a_video_system_saw_is_the_last_frame_at_or_before_the_time(tasks):
