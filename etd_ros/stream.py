@@ -17,8 +17,6 @@ from etd_ros.parameters import Parameters, parameter
 NS_PER_S = 1_000_000_000
 LOST_MESSAGES_MAX = 1_000_000
 """A sequence number that leaps farther says nothing about how many messages there were."""
-LEFT_OUT_MAX_NS = 20_000_000
-"""What was left out on purpose and lasted longer (ns) is a gap all the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,25 +92,19 @@ class StreamGuard:
         self._encoding: str | None = None
         self._seq: int | None = None
         self._restart: Restart | None = None
-        self._left_out = 0
 
     def use(self, config: StreamConfig) -> None:
         """Have another configuration hold from the next batch on."""
         self._step_back_max_ns = round(config.step_back_max_s * NS_PER_S)
 
-    def feed(
-        self, events: Events, seq: int | None = None, encoding: str | None = None, *, left_out: int = 0
-    ) -> Iterator[StreamBatch]:
+    def feed(self, events: Events, seq: int | None = None, encoding: str | None = None) -> Iterator[StreamBatch]:
         """Take the next batch; yield it as one or more batches of streams, without a copy where nothing is wrong.
 
         Args:
             events: decoded events, which may step back in time; an empty batch yields nothing.
             seq: the message's sequence number, where its type has one.
             encoding: the message's encoding, where known.
-            left_out: messages before this one that the caller has not decoded, because it does not keep up. They are no
-                gap unless they last: a stream with some of its events is better than a new one.
         """
-        self._left_out += left_out
         self._note_changes(events, seq, encoding)
         while len(events):
             latest_ns = int(events.t[0]) if self._latest_ns is None else self._latest_ns
@@ -125,7 +117,11 @@ class StreamGuard:
 
     def _note_changes(self, events: Events, seq: int | None, encoding: str | None) -> None:
         if self._seq is not None and seq is not None and seq != self._seq + 1:
-            self._note_gap(events, seq - self._seq - 1)
+            self.counters.gaps += 1
+            lost = seq - self._seq - 1
+            self.counters.lost_messages += lost if 0 < lost <= LOST_MESSAGES_MAX else 0
+            starts_again = lost < 0 and self._steps_back(events)
+            self._end_stream(Restart.TIME_STEP_BACK if starts_again else Restart.GAP)
         if self._encoding is not None and encoding is not None and encoding != self._encoding:
             self._end_stream(Restart.ENCODING)
         size = (events.width, events.height)
@@ -134,18 +130,6 @@ class StreamGuard:
         self._size = size
         self._seq = self._seq if seq is None else seq
         self._encoding = self._encoding if encoding is None else encoding
-
-    def _note_gap(self, events: Events, missing: int) -> None:
-        """So many messages are missing; fewer than 0, if the sequence number went back."""
-        if 0 < missing <= self._left_out:
-            self._left_out -= missing
-            if self._latest_ns is not None and len(events) and events.t[0] - self._latest_ns > LEFT_OUT_MAX_NS:
-                self._end_stream(Restart.GAP)
-            return
-        self.counters.gaps += 1
-        self.counters.lost_messages += missing if 0 < missing <= LOST_MESSAGES_MAX else 0
-        starts_again = missing < 0 and self._steps_back(events)
-        self._end_stream(Restart.TIME_STEP_BACK if starts_again else Restart.GAP)
 
     def _steps_back(self, events: Events) -> bool:
         """Whether a batch starts too long before the stream's latest event, as where a bag loops."""

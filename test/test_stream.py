@@ -90,34 +90,6 @@ def test_a_gap_in_the_sequence_starts_a_new_stream_and_counts_what_was_lost():
     assert guard.counters.lost_messages == 3
 
 
-def test_messages_left_out_on_purpose_are_no_gap():
-    guard = StreamGuard()
-    list(guard.feed(events_at(1 * MS), seq=4))
-    assert [batch.restart for batch in guard.feed(events_at(4 * MS), seq=7, left_out=2)] == [None]
-    assert [batch.restart for batch in guard.feed(events_at(6 * MS), seq=9, left_out=1)] == [None]
-    assert (guard.counters.gaps, guard.counters.lost_messages, guard.counters.restarts) == (0, 0, 0)
-
-
-def test_messages_left_out_before_one_that_is_told_of_too_late_are_no_gap_either():
-    guard = StreamGuard()
-    list(guard.feed(events_at(1 * MS), seq=4, left_out=3))
-    assert [batch.restart for batch in guard.feed(events_at(4 * MS), seq=8)] == [None]
-
-
-def test_what_is_left_out_for_long_ends_the_stream_but_is_not_counted_as_lost():
-    guard = StreamGuard()
-    list(guard.feed(events_at(1 * MS), seq=4))
-    assert [batch.restart for batch in guard.feed(events_at(40 * MS), seq=7, left_out=2)] == [Restart.GAP]
-    assert (guard.counters.gaps, guard.counters.lost_messages) == (0, 0)
-
-
-def test_more_missing_than_was_left_out_is_a_gap():
-    guard = StreamGuard()
-    list(guard.feed(events_at(1 * MS), seq=4))
-    assert [batch.restart for batch in guard.feed(events_at(4 * MS), seq=9, left_out=2)] == [Restart.GAP]
-    assert (guard.counters.gaps, guard.counters.lost_messages) == (1, 4)
-
-
 def test_a_sequence_that_starts_again_is_a_gap_of_unknown_length():
     guard = StreamGuard()
     list(guard.feed(events_at(1), seq=100))

@@ -70,8 +70,8 @@ class EventDecoding:
         self._clock = SensorClock()
         self._resumes = resumes
 
-    def decode(self, message: bytes, left_out: int = 0) -> Iterator[tuple[EventMessage, StreamBatch]]:
-        """The message's batches, each with the message it came from; `left_out` is that of `StreamGuard.feed`.
+    def decode(self, message: bytes) -> Iterator[tuple[EventMessage, StreamBatch]]:
+        """The message's batches, each with the message it came from.
 
         Raises:
             MessageError: the message cannot be decoded.
@@ -87,7 +87,7 @@ class EventDecoding:
         counters.skipped_words += decoded.skipped_words
         counters.off_sensor += decoded.off_sensor
         events = self._clock.to_ros(decoded)
-        for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding, left_out=left_out):
+        for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding):
             if self._resumes:
                 self._resumes = False
                 batch = dataclasses.replace(batch, restart=Restart.GAP)
@@ -111,7 +111,6 @@ class EventInput:
         self._decoding: EventDecoding | None = None
         self._type_name = ""
         self._arrivals = Arrivals()
-        self._dropped = 0
         self._refused_types: set[str] = set()
 
     def open(self) -> None:
@@ -207,9 +206,7 @@ class EventInput:
             self._node.get_logger().info(f"not reading {self._type_name} from {self._topic} any more")
 
     def _decode(self, decoding: EventDecoding, message: bytes, received_s: float) -> None:
-        dropped = self._node.worker.counters.dropped_messages
-        left_out, self._dropped = dropped - self._dropped, dropped
-        for decoded, batch in decoding.decode(message, left_out):
+        for decoded, batch in decoding.decode(message):
             if batch.restart is not None:
                 self._node.warn(f"the event stream starts anew: {batch.restart.value}")
             self._handle(decoded, batch, received_s)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections import deque
@@ -12,14 +11,11 @@ from dataclasses import dataclass
 Handler = Callable[[bytes], None]
 Task = Callable[[], None]
 
-OVERLOAD_S = 1.0
-"""So long after data was dropped (s) more is dropped early ..."""
-EARLY_SHARE = 0.2
-"""... when it has waited for this share of what is allowed usually."""
-CATCH_UP = 2.0
-"""How much faster than it comes data is passed where it has waited for twice as long."""
-TASK_RATE = 0.1
-"""Share of a task in how long tasks take usually."""
+KEPT_SHARE = 0.5
+"""What is older than this share of what is allowed goes with the oldest: rarer gaps, none of them long."""
+PATIENCE_FACTOR, PATIENCE_MIN, OVERLOAD_S = 0.8, 0.4, 1.0
+"""Each time that data is dropped, this share of the age that was allowed is allowed from then on, down to the second
+share of what is allowed usually; without a drop for this time (s) all of it is again."""
 
 
 @dataclass(slots=True)
@@ -69,18 +65,13 @@ class _TaskThread:
                 waiting = self._queue.popleft()
                 self._queued_bytes -= waiting.size
                 self._changed.notify_all()
-            begun_s = time.monotonic()
             try:
                 waiting.task()
             except Exception as err:
                 self._on_error(err)
-            self._note_done(waiting, time.monotonic() - begun_s)
 
     def _drop_late(self) -> None:
         """Drop what is not worth doing any more; at least one task stays."""
-
-    def _note_done(self, waiting: _Waiting, duration_s: float) -> None:
-        """A task is done, and took so long (s)."""
 
 
 class Worker(_TaskThread):
@@ -92,9 +83,9 @@ class Worker(_TaskThread):
     Args:
         name: of the thread.
         max_bytes: when the queue holds more, the oldest data is dropped.
-        max_age_s: data that has waited for longer (s) is dropped, and as long as that goes on the rest is thinned out
-            evenly: of what comes while a message is worked on one is taken, so that a method that follows motion sees
-            all of it, in many short gaps instead of a few long ones. Data is hardly late then, while a moment's
+        max_age_s: when the oldest data has waited for longer (s), the older half is dropped: what is worked on between
+            two such moments is without gaps, which a method that follows motion needs more than an even share. What
+            cannot keep up for long comes to drop earlier, so that it is late as little as it can, while a moment's
             hesitation loses nothing.
         on_error: called with what a handler raises.
         counters: of what is dropped.
@@ -111,9 +102,8 @@ class Worker(_TaskThread):
         self.counters = counters or WorkerCounters()
         self.max_bytes = max_bytes
         self.max_age_s = max_age_s
-        self._dropped_s = -math.inf
-        self._taken_s = -math.inf
-        self._task_s = 0.0
+        self._patience = 1.0
+        self._dropped_s = 0.0
         super().__init__(name, on_error)
 
     @property
@@ -139,27 +129,17 @@ class Worker(_TaskThread):
 
     def _drop_late(self) -> None:
         oldest = next((waiting for waiting in self._queue if waiting.is_data), None)
-        if oldest is None:
-            return
         now_s = time.monotonic()
-        age_s, early_s = now_s - oldest.received_s, EARLY_SHARE * self.max_age_s
-        if age_s > self.max_age_s or now_s - self._dropped_s <= OVERLOAD_S:
-            pace = min(CATCH_UP, age_s / early_s) if early_s else CATCH_UP
-            self._drop_before(max(now_s - self.max_age_s, self._taken_s + pace * self._task_s), now_s)
-
-    def _drop_before(self, received_s: float, now_s: float) -> None:
-        """Drop data that came before a time (s), but for the newest."""
+        if now_s - self._dropped_s > OVERLOAD_S:
+            self._patience = 1.0
+        allowed_s = self._patience * self.max_age_s
+        if oldest is None or now_s - oldest.received_s <= allowed_s:
+            return
+        self._patience, self._dropped_s = max(PATIENCE_MIN, PATIENCE_FACTOR * self._patience), now_s
         data = [waiting for waiting in self._queue if waiting.is_data]
         for waiting in data[:-1]:
-            if waiting.received_s >= received_s:
-                return
-            self._drop(waiting)
-            self._dropped_s = now_s
-
-    def _note_done(self, waiting: _Waiting, duration_s: float) -> None:
-        if waiting.is_data:
-            self._taken_s = waiting.received_s
-            self._task_s += TASK_RATE * (duration_s - self._task_s)
+            if now_s - waiting.received_s > KEPT_SHARE * allowed_s:
+                self._drop(waiting)
 
     def _drop(self, waiting: _Waiting) -> None:
         self._queue.remove(waiting)
