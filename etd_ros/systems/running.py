@@ -56,8 +56,9 @@ def run_system(
     seed: int = 0,
     threads: bool = False,
 ) -> Generator[SystemStep, None, None]:
-    """Run a system on a recording. Each target has a tracker of its own and is started once, on the first picture at or
-    after its stamp (the engine's methods: on the first frame that ends there, which is what they are given, too).
+    """Run a system on a recording. Each target has a tracker of its own and is started once: on the picture nearest to
+    its stamp, which its box fits best, though its first answer is on the first one at or after the stamp (the engine's
+    methods: on the first frame that ends there, which is what they are given, too).
 
     Args:
         name: one of SYSTEMS.
@@ -137,16 +138,26 @@ class _OnPictures:
         self._target = target
         self._tracker = make()
         self._has_started = False
+        self._before: Given | None = None
 
     def take(self, given: Given) -> TargetReport:
         """Where it is in the next picture."""
         if given.stamp_ns < self._target.stamp_ns:
+            self._before = given
             return TargetReport(self._target.name, TargetState.IDLE, None, 0.0)
-        if self._has_started:
-            return _report(self._target.name, self._tracker.update(given.picture))
+        answer = self._tracker.update(given.picture) if self._has_started else self._started(given)
+        return _report(self._target.name, answer)
+
+    def _started(self, given: Given) -> Answer:
+        """The answer on the first picture at or after the start's stamp."""
         self._has_started = True
-        self._tracker.start(given.picture, self._target.box)
-        return _report(self._target.name, Answer(self._target.box, GIVEN_SCORE))
+        before, self._before = self._before, None
+        stamp_ns, box = self._target.stamp_ns, self._target.box
+        if before is not None and stamp_ns - before.stamp_ns < given.stamp_ns - stamp_ns:
+            self._tracker.start(before.picture, box)
+            return self._tracker.update(given.picture)
+        self._tracker.start(given.picture, box)
+        return Answer(box, GIVEN_SCORE)
 
 
 def _report(name: str, answer: Answer) -> TargetReport:
