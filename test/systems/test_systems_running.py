@@ -43,6 +43,21 @@ def test_targets_are_idle_before_their_start_and_tracked_from_it_on(name):
         assert next(report for report in reports if report.state is not TargetState.IDLE).box is not None
 
 
+def test_a_target_on_video_starts_on_the_picture_nearest_to_its_stamp():
+    """Pictures are at 110 and 130 ms."""
+    box, second_ns = simulated.scene().box("left", 0.11), simulated.stamp_ns(0.13)
+
+    def boxes(time_s: float) -> dict[int, Box | None]:
+        start = TargetStart("left", box, simulated.stamp_ns(time_s))
+        steps = run_system("kcf", simulated.recording(), [start])
+        return {step.stamp_ns: step.reports[0].box for step in steps if step.stamp_ns >= second_ns}
+
+    on_it, just_after, long_after = boxes(0.11), boxes(0.112), boxes(0.124)
+    assert just_after == on_it
+    assert just_after[second_ns] != box
+    assert long_after[second_ns] == box
+
+
 @pytest.mark.parametrize("name", TESTED)
 def test_every_step_shows_what_the_system_saw_and_what_it_took(name):
     sizes = {(simulated.HEIGHT, simulated.WIDTH), (simulated.HEIGHT, simulated.WIDTH, 2)}
