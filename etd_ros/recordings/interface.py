@@ -68,7 +68,7 @@ class RecordedImage:
     Attributes:
         stamp_ns: its time, on the events' clock (ns).
         frame_id: its coordinate frame.
-        data: pixels, shape (height, width[, channel]).
+        data: pixels, shape (height, width[, channel]); colours in OpenCV's order, blue first.
     """
 
     stamp_ns: int

@@ -78,7 +78,8 @@ class RosBagRecording(Recording):
             except MessageError as err:
                 msg = f"{self.path}: message {number} of {self._image_topic}: {err}"
                 raise RecordingError(msg) from err
-            yield RecordedImage(image.stamp_ns, image.frame_id, image.data)
+            pixels = image.data[:, :, ::-1] if image.encoding == "rgb8" else image.data
+            yield RecordedImage(image.stamp_ns, image.frame_id, pixels)
 
     def messages(self) -> Iterator[RecordedMessage]:
         return self._raw({self.topic} | ({self._image_topic} if self._image_topic else set()))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_typestore
 
 from etd_ros.events import Events
 from msg_adapters import Layout, encode_event_packet
@@ -20,6 +21,7 @@ PACKET_DEFINITION = (
 )
 PACKET_HASH = "RIHS01_d6fa176260b1f37e5a40845305315e150a0f18191241eb64f407442aa29844aa"
 EVENT_TOPIC = "/event_camera/events"
+IMAGE_TOPIC = "/event_camera/image_raw"
 
 
 def random_events(count: int, *, start_ns: int = 0, step_ns: int = 1000, width: int = 64, height: int = 48) -> Events:
@@ -51,10 +53,11 @@ def write_ros2_bag(
     messages: Iterable[tuple[int, bytes]],
     *,
     topics: Sequence[str] = (EVENT_TOPIC,),
+    images: Iterable[tuple[int, bytes]] = (),
     storage: rosbag2.StoragePlugin = rosbag2.StoragePlugin.MCAP,
     compression: rosbag2.CompressionMode = rosbag2.CompressionMode.NONE,
 ) -> Path:
-    """A bag with the same messages on each topic; the path of its folder."""
+    """A bag with the same messages on each topic, and images on another; the path of its folder."""
     writer = rosbag2.Writer(path, version=9, storage_plugin=storage)
     writer.set_compression(compression, rosbag2.CompressionFormat.ZSTD)
     with writer:
@@ -65,6 +68,11 @@ def write_ros2_bag(
         for receive_ns, data in messages:
             for connection in connections:
                 writer.write(connection, receive_ns, data)
+        for number, (receive_ns, data) in enumerate(images):
+            if number == 0:
+                store = get_typestore(Stores.ROS2_JAZZY)
+                video = writer.add_connection(IMAGE_TOPIC, "sensor_msgs/msg/Image", typestore=store)
+            writer.write(video, receive_ns, data)
     return path
 
 

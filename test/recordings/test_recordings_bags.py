@@ -22,7 +22,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from etd_ros.events import Events, concatenate
 from etd_ros.recordings import RecordedImage, RecordingError, open_recording
 from etd_ros.stream import Restart
-from msg_adapters import Layout
+from msg_adapters import Layout, encode_image
 
 EVENTS = random_events(1000, start_ns=1_700_000_000_000_000_000)
 
@@ -227,6 +227,17 @@ def test_items_of_a_real_bag_come_in_the_order_of_time():
     assert len(images) == 59
     assert images[0].data.shape[:2] == (260, 346)
     assert sum(len(item) for item in items if isinstance(item, Events)) == 78830
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8"])
+def test_colour_images_have_blue_first_however_they_were_recorded(tmp_path, encoding):
+    picture = np.zeros((48, 64, 3), np.uint8)
+    picture[:, :, encoding.index("b")] = 200
+    message = encode_image(picture, stamp_ns=5_000, frame_id="cam", encoding=encoding)
+    bag = write_ros2_bag(tmp_path / "bag", packets(random_events(10), 10), images=[(5_000, message)])
+    with open_recording(bag) as recording:
+        (image,) = recording.images()
+    assert (image.data == (200, 0, 0)).all()
 
 
 def test_slider_depth_has_its_events_and_images():
