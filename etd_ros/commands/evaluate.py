@@ -107,7 +107,9 @@ def run(options: argparse.Namespace) -> int:
         raise EvaluationError(msg)
     _refuse(options, FOR_SIMULATED if options.dataset else FOR_DATASETS, bool(options.dataset))
     settings = read_settings(options.config, options.set)
-    (run_datasets if options.dataset else run_simulated)(options, settings)
+    if options.dataset:
+        return run_datasets(options, settings)
+    run_simulated(options, settings)
     return 0
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from etd_ros.datasets import LabelledSequence, open_dataset
+from etd_ros.datasets import LabelledSequence, find_sequences, open_dataset
 from etd_ros.evaluation import EvaluationError
 from etd_ros.evaluation.cell_run import PROTOCOL_NAMES, CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
@@ -30,8 +30,9 @@ ERRORS_SHOWN = 10
 STORE_NAME = "evaluation.sqlite"
 
 
-def run_datasets(options: argparse.Namespace, settings: Settings) -> None:
-    """Work out the cells that the store lacks, print a table for each protocol, write what is asked for.
+def run_datasets(options: argparse.Namespace, settings: Settings) -> int:
+    """Work out the cells that the store lacks, print a table for each protocol, write what is asked for; the exit code,
+    2 where no cell brought a result.
 
     Raises:
         EtdError: an option that is out of range, a dataset that cannot be read, an output that cannot be written.
@@ -49,11 +50,12 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> None:
         _work(store, outstanding(store, tasks, retry_errors=bool(options.retry_errors)), len(tasks), workforce)
         results = list(store.results(map(key_of, tasks)))
         if options.output:
-            store.export_csv(options.output / "cells.csv")
+            store.export_csv(options.output / "cells.csv", map(key_of, tasks))
             write_comparison(options.output, tasks, results, protocols, systems)
     for protocol in protocols:
         print(f"{protocol}\n{plain(make_table(results, protocol, systems))}")
     _print_errors(results)
+    return 2 if all(result.error is not None for result in results) else 0
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -75,21 +77,27 @@ def _sequences(
     datasets: Sequence[tuple[str, str]], only: Sequence[str], box_columns: str | None
 ) -> list[LabelledSequence]:
     """The sequences of the datasets, those of these names if any are named."""
+    names = {path: [sequence.name for sequence in find_sequences(Path(path))] for _, path in datasets if only}
+    known = [name for of_dataset in names.values() for name in of_dataset]
+    for name in only:
+        if name not in known:
+            msg = f"--only {name}: no dataset has this sequence: choose of {', '.join(known)}"
+            raise EvaluationError(msg)
     found = []
     for name, path in datasets:
+        wanted = [sequence for sequence in only if sequence in names[path]]
+        if only and not wanted:
+            continue
         # Where no dataset can use them, the first one says so.
         columns = box_columns if name == "eed" or all(name != "eed" for name, _ in datasets) else None
-        found += open_dataset(name, path, box_columns=columns, tell=lambda line: print(line, file=sys.stderr))
-    names = [sequence.name for sequence in found]
-    for name in only:
-        if name not in names:
-            msg = f"--only {name}: no dataset has this sequence: choose of {', '.join(names)}"
-            raise EvaluationError(msg)
+        found += open_dataset(
+            name, path, box_columns=columns, only=wanted, tell=lambda line: print(line, file=sys.stderr)
+        )
     twice = [key for key, count in Counter((found.dataset, found.name) for found in found).items() if count > 1]
     if twice:
         msg = f"two folders of {twice[0][0]} have a sequence {twice[0][1]}: results could not be told apart, rename one"
         raise EvaluationError(msg)
-    return [sequence for sequence in found if not only or sequence.name in only]
+    return found
 
 
 def _store_path(store: Path | None, output: Path | None) -> Path | None:

@@ -2,5 +2,6 @@
 
 from etd_ros.datasets.interface import DatasetError, LabelledSequence
 from etd_ros.datasets.opening import DATASETS, open_dataset
+from etd_ros.datasets.sequences import find_sequences
 
-__all__ = ["DATASETS", "DatasetError", "LabelledSequence", "open_dataset"]
+__all__ = ["DATASETS", "DatasetError", "LabelledSequence", "find_sequences", "open_dataset"]

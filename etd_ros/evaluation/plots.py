@@ -54,7 +54,9 @@ def plots_of(table: Table, results: Results) -> Iterator[Plot]:
     Raises:
         PlotError: Matplotlib is missing.
     """
-    whole = {system: found for system in table.rows if (found := _without_errors(results, system))}
+    judged = {column for row in table.rows.values() for column in row}
+    compared = [result for result in results if (result.cell.dataset, result.cell.sequence) in judged]
+    whole = {system: found for system in table.rows if (found := _without_errors(compared, system))}
     if whole:
         yield Plot("curves", "Success and precision", curves_png(whole))
     if table.means:

@@ -109,8 +109,8 @@ class Store:
                 found = [self._result(key[0], number) for number in self._ids(key)]
             yield from found
 
-    def export_csv(self, path: Path) -> None:
-        """Write a row for each cell kept: names, figures, number of labels scored, error, fingerprint.
+    def export_csv(self, path: Path, keys: Iterable[CellKey]) -> None:
+        """Write a row for each of the cells that is done: names, figures, number of labels scored, error, fingerprint.
 
         Raises:
             OutputError: the file cannot be written.
@@ -119,9 +119,9 @@ class Store:
             "(SELECT COUNT(*) FROM labels WHERE cell = id)" if column == "labels" else column
             for column in EXPORT_COLUMNS
         )
-        query = f"SELECT {columns} FROM cells ORDER BY {', '.join(CELL_COLUMNS)}, id"
+        query = f"SELECT {columns} FROM cells WHERE id = ?"
         with self._one_line_errors():
-            rows = self._database.execute(query).fetchall()
+            rows = [self._database.execute(query, (number,)).fetchone() for key in keys for number in self._ids(key)]
         with written_beside(path) as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(EXPORT_COLUMNS)

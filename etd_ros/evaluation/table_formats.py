@@ -13,6 +13,8 @@ from etd_ros.evaluation.curves import Speed
 from etd_ros.evaluation.tables import DIGITS, MEAN, Entry, Figure, Table, rounded
 
 NOTHING = "–"
+EVENTS_PER_MEV = 1e6
+SPEED_COLUMNS = ("ms_per_frame", "frames_per_s", "events_per_s")
 LATEX_SPECIAL = {"_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
 
 
@@ -86,16 +88,22 @@ def html(table: Table) -> str:
 
 
 def csv_text(table: Table) -> str:
-    """A table for programs: protocol, system, dataset, sequence, AP and AR with their spreads, and the paper's."""
+    """A table for programs: protocol, system, dataset, sequence, AP and AR with their spreads, and the paper's; with a
+    system's mean its failures and its speed over all sequences."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     names = ("protocol", "system", "dataset", "sequence", "ap", "ap_spread", "ar", "ar_spread", "paper_ap", "paper_ar")
-    writer.writerow(names)
+    writer.writerow((*names, "failures", *SPEED_COLUMNS))
     for system, row in table.rows.items():
         for column in table.columns:
             paper = table.printed(column).get(system, ("", ""))
-            writer.writerow((table.protocol, system, *column, *_numbers(row.get(column)), *paper))
-        writer.writerow((table.protocol, system, "", MEAN, *_numbers(table.means.get(system)), "", ""))
+            writer.writerow((table.protocol, system, *column, *_numbers(row.get(column)), *paper, "", "", "", ""))
+        failures, measured = table.failures.get(system), table.speeds[system]
+        speeds = (measured.frame_ms, measured.frames_per_s, measured.events_per_s)
+        over_all = (
+            failures.mean if failures else "", *("" if math.isnan(value) else value for value in speeds)
+        )  # fmt: skip
+        writer.writerow((table.protocol, system, "", MEAN, *_numbers(table.means.get(system)), "", "", *over_all))
     return file.getvalue()
 
 
@@ -127,7 +135,9 @@ def _columns(table: Table) -> Iterator[_Column]:
             yield _paper(paper)
     if len(table.columns) > 1:
         yield _scores(table, MEAN, MEAN)
-    yield _Column("time", ("ms/frame",), lambda system: (_time(table.speeds[system]),))
+    if table.protocol == "restarts":
+        yield _Column("restarts", ("failures",), lambda system: (_failures(table.failures.get(system)),))
+    yield _Column("time", ("ms/frame", "frames/s", "Mev/s"), lambda system: _speed(table.speeds[system]))
 
 
 def _scores(table: Table, key: tuple[str, str] | str, title: str) -> _Column:
@@ -154,8 +164,19 @@ def _paper(paper: Mapping[str, tuple[float, float]]) -> _Column:
     return _Column("paper", ("AP", "AR"), of)
 
 
-def _time(of_system: Speed) -> _Cell:
-    return _Cell(NOTHING if math.isnan(of_system.frame_ms) else f"{of_system.frame_ms:.2f}", "", is_best=False)
+def _failures(figure: Figure | None) -> _Cell:
+    if figure is None:
+        return _Cell(NOTHING, "", is_best=False)
+    return _Cell(f"{figure.mean:.1f}".removesuffix(".0"), "" if not figure.spread else f"{figure.spread:.1f}", False)
+
+
+def _speed(of_system: Speed) -> tuple[_Cell, ...]:
+    if math.isnan(of_system.frame_ms):
+        return (_Cell(NOTHING, "", is_best=False),) * 3
+    shown = (
+        f"{of_system.frame_ms:.2f}", f"{of_system.frames_per_s:.0f}", f"{of_system.events_per_s / EVENTS_PER_MEV:.2f}"
+    )  # fmt: skip
+    return tuple(_Cell(text, "", is_best=False) for text in shown)
 
 
 def _marked(cell: _Cell, best: str, spread: str) -> str:

@@ -53,8 +53,9 @@ class Table:
         columns: sequences, in order, as (dataset, name).
         rows: by system, in order, an entry for each column that has one: a system that brought an error for any target
             or repetition of a sequence has none there.
-        means: by system, the means over all columns; for systems with an entry in each.
+        means: by system, the means over all columns in which any system has an entry; for systems with one in each.
         speeds: by system, over all of its cells.
+        failures: by system, failed labels of all targets that brought a result; mean and spread over the repetitions.
     """
 
     protocol: ProtocolName
@@ -62,6 +63,7 @@ class Table:
     rows: Mapping[str, Mapping[tuple[str, str], Entry]]
     means: Mapping[str, Entry]
     speeds: Mapping[str, Speed]
+    failures: Mapping[str, Figure]
 
     def printed(self, column: tuple[str, str]) -> dict[str, tuple[float, float]]:
         """What the paper printed for a column, by system; empty where it has no such sequence."""
@@ -103,8 +105,12 @@ def make_table(results: Iterable[CellResult], protocol: ProtocolName, systems: S
         }
         for system in systems
     }
-    means = {system: _mean(list(row.values())) for system, row in rows.items() if row and len(row) == len(columns)}
-    return Table(protocol, columns, rows, means, {system: speed_of(chosen, system) for system in systems})
+    # What no system could be run on, such as a damaged recording, says nothing of any of them.
+    judged = {column for row in rows.values() for column in row}
+    means = {system: _mean(list(row.values())) for system, row in rows.items() if row and row.keys() == judged}
+    speeds = {system: speed_of(chosen, system) for system in systems}
+    failures = {system: figure for system in systems if (figure := _failures(chosen, system))}
+    return Table(protocol, columns, rows, means, speeds, failures)
 
 
 def speed_of(results: Iterable[CellResult], system: str) -> Speed:
@@ -115,6 +121,14 @@ def speed_of(results: Iterable[CellResult], system: str) -> Speed:
         sum(result.events for result in found),
         sum(result.seconds for result in found),
     )
+
+
+def _failures(results: Iterable[CellResult], system: str) -> Figure | None:
+    by_repetition: defaultdict[int, int] = defaultdict(int)
+    for result in results:
+        if result.cell.system == system and result.error is None:
+            by_repetition[result.cell.repetition] += result.failures
+    return _figure(list(by_repetition.values())) if by_repetition else None
 
 
 def _entry(results: Sequence[CellResult]) -> Entry:

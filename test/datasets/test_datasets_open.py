@@ -41,6 +41,20 @@ def test_ecd_text_folders_and_bags_are_sequences_with_the_boxes_beside_them(tmp_
     }
 
 
+def test_what_cannot_be_read_is_passed_over_and_named_unless_it_is_asked_for(tmp_path):
+    for name in ("good", "few", "cut"):
+        write_text_folder(tmp_path / name, moving_events(0))
+        write_csv(tmp_path / name / "boxes.csv", two_labels()[: 1 if name == "few" else 2])
+    (tmp_path / "cut" / "events.txt").write_bytes(b"0.1 1 1 1\n\0\0")
+    lines: list[str] = []
+    assert list(found("folder", tmp_path, tell=lines.append)) == ["good"]
+    assert [line.split(" is passed over: ")[0] for line in lines] == ["cut", "few"]
+    assert list(found("folder", tmp_path, only=["good"])) == ["good"]
+    for name in ("few", "cut"):
+        with pytest.raises(EtdError, match=name):
+            open_dataset("folder", tmp_path, only=["good", name])
+
+
 @pytest.mark.parametrize(("start_ns", "taken"), [(0, "shapes"), (ROS_EPOCH_NS, "shapes.bag")])
 def test_of_a_bag_and_a_text_folder_of_one_name_the_one_on_the_clock_of_the_labels_is_taken(tmp_path, start_ns, taken):
     write_text_folder(tmp_path / "shapes", moving_events(0))

@@ -89,10 +89,16 @@ def test_the_report_is_one_page_that_needs_nothing_beside_it(tasks, results, tmp
     assert {"curves_one-pass.png", "speed_accuracy_restarts.png", "overlap_folder_square_one-pass.png"} <= names
 
 
-def test_systems_with_an_error_are_in_no_curve_and_no_mean(results):
-    chosen = [result for result in results if result.cell.protocol == "one-pass" and result.cell.system == "kcf"]
-    found = [plot.name for plot in plots_of(make_table(chosen, "one-pass", ("kcf",)), chosen)]
-    assert found == ["overlap_folder_square"]
+def test_curves_are_over_the_sequences_that_any_system_has_a_result_of(results):
+    """KCF has none of the one without video."""
+    chosen = [result for result in results if result.cell.protocol == "one-pass"]
+    alone = [result for result in chosen if result.cell.system == "kcf"]
+    plots = [list(plots_of(make_table(chosen, "one-pass", systems), chosen)) for systems in (SYSTEMS, ("kcf",))]
+    assert [plot.name for plot in plots_of(make_table(alone, "one-pass", ("kcf",)), alone)] == [
+        "curves", "speed_accuracy", "overlap_folder_square"
+    ]  # fmt: skip
+    assert list(make_table(chosen, "one-pass", SYSTEMS).means) == ["etd-nr", "kcf-reconstruction"]
+    assert plots[0][0].png != plots[1][0].png
 
 
 def with_overlaps(*overlaps: float, answered_ns: int = 0) -> CellResult:

@@ -61,10 +61,10 @@ def test_a_cell_done_again_replaces_itself_and_leaves_other_fingerprints(tmp_pat
         store.add(brought(), "g")
         store.add(brought(ap=0.9), "f")
         assert [result.ap for result in store.results([(CELL, "f"), (CELL, "g")])] == [0.9, 0.4]
-        store.export_csv(tmp_path / "cells.csv")
+        store.export_csv(tmp_path / "cells.csv", [(CELL, "f")])
     with (tmp_path / "cells.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [(row["ap"], row["labels"], row["fingerprint"]) for row in rows] == [("0.4", "2", "g"), ("0.9", "2", "f")]
+    assert [(row["ap"], row["labels"], row["fingerprint"]) for row in rows] == [("0.9", "2", "f")]
 
 
 def test_a_process_killed_while_it_writes_leaves_whole_cells(tmp_path):

@@ -63,6 +63,31 @@ def test_a_sequence_with_an_error_has_no_figure_and_its_system_no_mean():
     assert found.entry("eco", MEAN) is None
 
 
+def test_a_sequence_on_which_every_system_failed_does_not_count_for_the_means():
+    damaged = [failed_cell(cell(system, ("folder", "damaged")), "it is cut") for system in ("kcf", "tld")]
+    found = make_table([*RESULTS, *damaged], "one-pass", SYSTEMS)
+    assert ("folder", "damaged") in found.columns
+    assert found.means == table().means
+
+
+def test_failures_are_those_of_all_targets_in_the_mean_over_repetitions():
+    def failed_labels(number: int, of: Cell) -> CellResult:
+        return dataclasses.replace(brought(dataclasses.replace(of, protocol="restarts"), 0.5, 0.5), failures=number)
+
+    results = [
+        failed_labels(3, cell("tld")), failed_labels(1, cell("tld", OTHER)),
+        failed_labels(2, cell("tld", repetition=1)), failed_labels(0, cell("tld", OTHER, repetition=1)),
+        failed_labels(7, cell("kcf")),
+    ]  # fmt: skip
+    found = make_table(results, "restarts", SYSTEMS)
+    assert (found.failures["tld"].mean, found.failures["kcf"].mean) == (3.0, 7.0)
+    assert found.failures["tld"].spread == pytest.approx(stdev([4, 2]))
+    text = table_formats.markdown(found)
+    assert "restarts failures" in text.splitlines()[0]
+    assert "| 3 ± 1.4 |" in text
+    assert "failures" not in table_formats.markdown(table())
+
+
 def test_results_of_other_protocols_and_systems_are_passed_over():
     other = dataclasses.replace(cell("kcf"), protocol="restarts")
     found = make_table([*RESULTS, brought(other, 1.0, 1.0)], "one-pass", ("kcf",))
@@ -83,11 +108,12 @@ def test_markdown_has_the_best_in_bold_and_equal_ones_alike():
     rows = {line.split("|")[1].strip(): [part.strip() for part in line.split("|")[2:-1]] for line in lines}
     assert rows["system"] == [
         "ecd/shapes_6dof AP", "ecd/shapes_6dof AR", "paper AP", "paper AR", "folder/desk_1 AP", "folder/desk_1 AR",
-        "mean AP", "mean AR", "time ms/frame",
+        "mean AP", "mean AR", "time ms/frame", "time frames/s", "time Mev/s",
     ]  # fmt: skip
     assert rows["tld"][:4] == ["**0.400** ± 0.283", "0.450 ± 0.354", "0.430", "0.424"]
     assert rows["kcf"] == [
-        "0.300", "**0.500**", "0.307", "0.430", "**0.900**", "**1.000**", "0.600", "**0.750**", "5.00"
+        "0.300", "**0.500**", "0.307", "0.430", "**0.900**", "**1.000**", "0.600", "**0.750**", "5.00",
+        "200", "0.04",
     ]  # fmt: skip
     assert rows["tld"][4] == "**0.900**"
     assert rows["eco"][:2] == ["–", "–"]
@@ -98,8 +124,8 @@ def test_markdown_has_the_best_in_bold_and_equal_ones_alike():
 def test_latex_has_as_many_columns_in_each_row_as_it_declares():
     text = table_formats.latex(table())
     declared = re.search(r"\\begin\{tabular\}\{\|((?:c\|)+)\}", text).group(1).count("c")
-    rows = [line for line in text.splitlines() if line.endswith((r"\hline", r"\cline{2-10}")) and "&" in line]
-    assert declared == 10
+    rows = [line for line in text.splitlines() if line.endswith((r"\hline", r"\cline{2-12}")) and "&" in line]
+    assert declared == 12
     for row in rows:
         spans = [int(span) for span in re.findall(r"\\multicolumn\{(\d+)\}", row)]
         assert row.count("&") + 1 + sum(span - 1 for span in spans) == declared
@@ -116,6 +142,8 @@ def test_csv_has_unrounded_figures_and_the_papers():
     assert by_place["tld", "desk_1"]["ap"] == "0.9004"
     assert (by_place["kcf", "shapes_6dof"]["paper_ap"], by_place["kcf", "desk_1"]["paper_ap"]) == ("0.307", "")
     assert by_place["eco", "mean"]["ap"] == ""
+    assert float(by_place["kcf", "mean"]["events_per_s"]) == pytest.approx(40_000)
+    assert by_place["e-ms", "mean"]["ms_per_frame"] == ""
 
 
 def test_html_escapes_names():
