@@ -8,7 +8,7 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# A shell that starts the tests in the background has them ignore Ctrl-C, and with them all that they start and interrupt.
+# A shell that starts the tests in the background has them ignore Ctrl-C, and with them all that they interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
