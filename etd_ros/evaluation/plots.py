@@ -12,7 +12,7 @@ import numpy as np
 
 from etd_ros.evaluation.cells import CellResult
 from etd_ros.evaluation.curves import precision_curve, success_curve
-from etd_ros.evaluation.tables import Table
+from etd_ros.evaluation.tables import Table, judged
 from etd_ros.plots import check_matplotlib
 
 DPI = 110
@@ -54,8 +54,8 @@ def plots_of(table: Table, results: Results) -> Iterator[Plot]:
     Raises:
         PlotError: Matplotlib is missing.
     """
-    judged = {column for row in table.rows.values() for column in row}
-    compared = [result for result in results if (result.cell.dataset, result.cell.sequence) in judged]
+    counting = judged(table.rows)
+    compared = [result for result in results if (result.cell.dataset, result.cell.sequence) in counting]
     whole = {system: found for system in table.rows if (found := _without_errors(compared, system))}
     if whole:
         yield Plot("curves", "Success and precision", curves_png(whole))

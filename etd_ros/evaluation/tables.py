@@ -105,12 +105,17 @@ def make_table(results: Iterable[CellResult], protocol: ProtocolName, systems: S
         }
         for system in systems
     }
-    # What no system could be run on, such as a damaged recording, says nothing of any of them.
-    judged = {column for row in rows.values() for column in row}
-    means = {system: _mean(list(row.values())) for system, row in rows.items() if row and row.keys() == judged}
+    counting = judged(rows)
+    means = {system: _mean(list(row.values())) for system, row in rows.items() if row and row.keys() == counting}
     speeds = {system: speed_of(chosen, system) for system in systems}
     failures = {system: figure for system in systems if (figure := _failures(chosen, system))}
     return Table(protocol, columns, rows, means, speeds, failures)
+
+
+def judged(rows: Mapping[str, Mapping[tuple[str, str], Entry]]) -> set[tuple[str, str]]:
+    """The columns in which any system has an entry: what none could be run on, such as a damaged recording, says
+    nothing of any of them."""
+    return {column for row in rows.values() for column in row}
 
 
 def speed_of(results: Iterable[CellResult], system: str) -> Speed:

@@ -14,6 +14,7 @@ from etd_ros.recovery.crops import Picture
 from etd_ros.recovery.siamfc_tracking import Responses, SiamFcGeometry, SiamFcNetwork
 
 Network = TypeVar("Network")
+Crops = TypeVar("Crops")
 Result = TypeVar("Result")
 
 WINDOW_PIXELS_MAX = 272 * 272
@@ -64,13 +65,18 @@ class Matcher(Protocol):
         ...
 
 
-class _Background(Generic[Network]):
+class _Background(Generic[Network, Crops]):
     """A network that is loaded and run in one thread of its own; who asks before it is there waits for it.
 
     All inference happens in that thread, so that limits which torch keeps for each thread touch nobody else's.
+
+    Args:
+        geometry: of the network to come.
+        load: makes it; called in the thread.
     """
 
-    def __init__(self, load: Callable[[], Network]) -> None:
+    def __init__(self, geometry: Crops, load: Callable[[], Network]) -> None:
+        self.geometry = geometry
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery network")
         self._loading = self._thread.submit(load)
 
@@ -83,17 +89,8 @@ class _Background(Generic[Network]):
         return self._thread.submit(lambda: question(self._loading.result())).result()
 
 
-class BackgroundMatcher(_Background[Matcher]):
-    """A `Matcher` in a thread of its own.
-
-    Args:
-        geometry: of the matcher to come.
-        load: makes it; called in the thread.
-    """
-
-    def __init__(self, geometry: Geometry, load: Callable[[], Matcher]) -> None:
-        super().__init__(load)
-        self.geometry = geometry
+class BackgroundMatcher(_Background[Matcher, Geometry]):
+    """A `Matcher` in a thread of its own."""
 
     def template(self, exemplar: Picture, size: tuple[float, float]) -> Any:
         """As `Matcher.template`; raises what the loading raised."""
@@ -104,17 +101,8 @@ class BackgroundMatcher(_Background[Matcher]):
         return self.ask(lambda matcher: matcher.match(window, templates))
 
 
-class BackgroundSiamFc(_Background[SiamFcNetwork]):
-    """A `SiamFcNetwork` in a thread of its own.
-
-    Args:
-        geometry: of the network to come.
-        load: makes it; called in the thread.
-    """
-
-    def __init__(self, geometry: SiamFcGeometry, load: Callable[[], SiamFcNetwork]) -> None:
-        super().__init__(load)
-        self.geometry = geometry
+class BackgroundSiamFc(_Background[SiamFcNetwork, SiamFcGeometry]):
+    """A `SiamFcNetwork` in a thread of its own."""
 
     def template(self, exemplar: Picture) -> Any:
         """As `SiamFcNetwork.template`; raises what the loading raised."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from etd_ros.errors import named
 from etd_ros.events import Events
 from etd_ros.simulation.motion import SimulationError
 from etd_ros.simulation.recipes import SENSOR, Recipe, make_scene
@@ -326,7 +327,4 @@ def sequence_named(name: str) -> Sequence:
     Raises:
         SimulationError: there is none; the message lists the known ones.
     """
-    if name not in SUITE:
-        msg = f"unknown sequence {name!r}: choose one of {', '.join(SUITE)}"
-        raise SimulationError(msg)
-    return SUITE[name]
+    return named(SUITE, name, "sequence", SimulationError)

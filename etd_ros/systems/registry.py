@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from etd_ros.errors import named
 from etd_ros.settings import Settings
 from etd_ros.systems.eco import EcoTracker
 from etd_ros.systems.event_clusters import e_ms_maker
@@ -111,7 +112,4 @@ def system_named(name: str) -> System:
     Raises:
         CompareError: there is none; the message lists the known ones.
     """
-    if name not in SYSTEMS:
-        msg = f"unknown system {name!r}: choose one of {', '.join(SYSTEMS)}"
-        raise CompareError(msg)
-    return SYSTEMS[name]
+    return named(SYSTEMS, name, "system", CompareError)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from etd_ros.errors import named
 from etd_ros.tracking.errors import TrackingError
 
 IMAGE_INTERVAL_S = 0.05
@@ -58,7 +59,4 @@ def method_named(name: str) -> Method:
     Raises:
         TrackingError: there is none; the message lists the known ones.
     """
-    if name not in METHODS:
-        msg = f"unknown method {name!r}: choose one of {', '.join(METHODS)}"
-        raise TrackingError(msg)
-    return METHODS[name]
+    return named(METHODS, name, "method", TrackingError)
