@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.commands.progress import with_progress
+from etd_ros.commands.progress import with_image_progress, with_progress
 from etd_ros.engine import track
 from etd_ros.recordings.interface import RecordedImage, Recording
 from etd_ros.settings import Settings
@@ -83,7 +83,7 @@ def compared_steps(
 
 
 class _Watched:
-    """A recording whose events are counted on a progress line as they are taken."""
+    """A recording whose events and images are counted on a progress line as they are taken."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -94,4 +94,5 @@ class _Watched:
             yield from batches
 
     def images(self) -> Iterator[RecordedImage]:
-        return self._recording.images()
+        with with_image_progress(self._recording.images(), VERB) as images:
+            yield from images
