@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from contextlib import ExitStack
 from pathlib import Path
 
 import command_bags
@@ -20,11 +21,26 @@ def bag(tmp_path):
     return command_bags.sound(tmp_path / "bag")
 
 
-def started(repository, bag, output, *options):
-    command = [sys.executable, "-m", "etd_ros", "label", str(bag), "--output", str(output), "--no-browser", *options]
-    return subprocess.Popen(
-        command, cwd=repository, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+@pytest.fixture
+def label(repository, bag):
+    """Starts the command at 100 pictures a second; what still runs after the test is ended."""
+    with ExitStack() as running:
+
+        def started(output):
+            options = ["--output", str(output), "--no-browser", "--rate", "100"]
+            pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+            process = running.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-m", "etd_ros", "label", str(bag), *options],
+                    cwd=repository,
+                    start_new_session=True,
+                    **pipes,
+                )
+            )
+            running.callback(process.kill)
+            return process
+
+        yield started
 
 
 def post(url, name, content):
@@ -37,9 +53,9 @@ BOX = '{"action": "box", "target": "ball", "picture": 0, "box": [1, 2, 3, 4]}'
 
 
 @pytest.mark.parametrize("is_saved", [True, False])
-def test_ctrl_c_ends_it_and_says_where_the_labels_are(repository, tmp_path, bag, is_saved):
+def test_ctrl_c_ends_it_and_says_where_the_labels_are(label, tmp_path, is_saved):
     output = tmp_path / "boxes.csv"
-    process = started(repository, bag, output, "--rate", "100")
+    process = label(output)
     first = process.stdout.readline()
     assert re.match(r"\d reconstruction pictures of bag: http://127.0.0.1:\d+/\S+/ \(Ctrl-C ends\)", first)
     url = re.search(r"http://\S+", first)[0]
@@ -55,8 +71,8 @@ def test_ctrl_c_ends_it_and_says_where_the_labels_are(repository, tmp_path, bag,
     assert output.with_suffix(".keys.json").exists()
 
 
-def test_what_is_ended_without_a_label_leaves_nothing(repository, tmp_path, bag):
-    process = started(repository, bag, tmp_path / "boxes.csv", "--rate", "100")
+def test_what_is_ended_without_a_label_leaves_nothing(label, tmp_path, bag):
+    process = label(tmp_path / "boxes.csv")
     process.stdout.readline()
     process.send_signal(signal.SIGINT)
     assert process.communicate(timeout=60)[0].split("\n")[-2] == "nothing labelled"
