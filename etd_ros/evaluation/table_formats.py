@@ -5,14 +5,20 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
 from etd_ros.evaluation.curves import Speed
+from etd_ros.evaluation.paper_figures import METHODS as PAPER_NAMES
 from etd_ros.evaluation.tables import DIGITS, MEAN, Entry, Figure, Table, rounded
 
 NOTHING = "–"
+PAPER = "paper"
+LATEX_CHARACTERS = 64
+"""How wide the columns of a table may be beside the systems' names: what LaTeX's article class has room for."""
+LATEX_GAP = 2
+"""Between columns, in characters."""
 EVENTS_PER_MEV = 1e6
 SPEED_COLUMNS = ("ms_per_frame", "frames_per_s", "events_per_s")
 LATEX_SPECIAL = {"_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
@@ -55,22 +61,47 @@ def markdown(table: Table) -> str:
 
 
 def latex(table: Table) -> str:
-    r"""A table that needs \usepackage{multirow}, in the form of the paper's."""
-    columns = list(_columns(table))
+    """Tables in the form of the paper's and with its spellings, which need no package: as many as it takes for each to
+    fit between a page's margins. There is room for four of the paper's sequences, or two beside its figures."""
+    return "\n".join(_latex_page(list(table.rows), columns) for columns in _pages(table))
+
+
+def _pages(table: Table) -> list[list[_Column]]:
+    """The columns of each LaTeX table. The paper's figures stay beside those of the same sequence."""
+    pages: list[list[_Column]] = []
+    for column in _columns(table):
+        width = sum(_latex_width(other, table.rows) for other in (*(pages[-1] if pages else ()), column))
+        if not pages or (width > LATEX_CHARACTERS and column.title != PAPER):
+            pages.append([])
+        pages[-1].append(column)
+    return pages
+
+
+def _latex_width(column: _Column, systems: Iterable[str]) -> int:
+    """About how many characters a column is wide, gaps between its parts included."""
+    of_systems = [column.of(system) for system in systems]
+    parts = [
+        max(len(title), *(len(_marked(cells[number], "{}", " ± {}")) for cells in of_systems))
+        for number, title in enumerate(column.parts)
+    ]
+    return max(len(column.title), sum(parts) + LATEX_GAP * (len(parts) - 1)) + LATEX_GAP
+
+
+def _latex_page(systems: Iterable[str], columns: Sequence[_Column]) -> str:
     width = 1 + sum(len(column.parts) for column in columns)
     heads = " & ".join(rf"\multicolumn{{{len(column.parts)}}}{{c|}}{{{_escaped(column.title)}}}" for column in columns)
     parts = " & ".join(_escaped(part) for column in columns for part in column.parts)
     lines = [
-        rf"\begin{{tabular}}{{|{'c|' * width}}}",
+        rf"{{\footnotesize\setlength{{\tabcolsep}}{{3pt}}\begin{{tabular}}{{|{'c|' * width}}}",
         r"\hline",
-        rf"\multirow{{2}}{{*}}{{Method}} & {heads} \\ \cline{{2-{width}}}",
-        rf" & {parts} \\ \hline\hline",
+        rf" & {heads} \\ \cline{{2-{width}}}",
+        rf"Method & {parts} \\ \hline\hline",
     ]
-    for system in table.rows:
+    for system in systems:
         cells = [cell for column in columns for cell in column.of(system)]
         values = " & ".join(_marked(cell, r"\textbf{{{}}}", r" $\pm$ {}").replace(NOTHING, "--") for cell in cells)
-        lines.append(rf"{_escaped(system)} & {values} \\ \hline")
-    return "\n".join([*lines, r"\end{tabular}"]) + "\n"
+        lines.append(rf"{_escaped(PAPER_NAMES.get(system, system))} & {values} \\ \hline")
+    return "\n".join([*lines, r"\end{tabular}}"]) + "\n"
 
 
 def html(table: Table) -> str:
@@ -161,7 +192,7 @@ def _paper(paper: Mapping[str, tuple[float, float]]) -> _Column:
         values = paper.get(system)
         return tuple(_Cell.of(value if value is None else Figure(value), math.nan) for value in values or (None, None))
 
-    return _Column("paper", ("AP", "AR"), of)
+    return _Column(PAPER, ("AP", "AR"), of)
 
 
 def _failures(figure: Figure | None) -> _Cell:

@@ -24,8 +24,8 @@ class Figure:
     """AP or AR of a system.
 
     Attributes:
-        mean: over repetitions and targets, as the paper's Sec. 4.1 has it; or over sequences.
-        spread: standard deviation over the repetitions; None where there is one only.
+        mean: over repetitions and targets, as the paper's Sec. 4.1 has it; or over the sequences' means.
+        spread: standard deviation over the repetitions, each taken as a whole; None where there is one only.
     """
 
     mean: float
@@ -99,14 +99,18 @@ def make_table(results: Iterable[CellResult], protocol: ProtocolName, systems: S
         by_place[result.cell.system, (result.cell.dataset, result.cell.sequence)].append(result)
     rows = {
         system: {
-            column: _entry(found)
+            column: _entry([found])
             for column in columns
             if (found := by_place[system, column]) and all(result.error is None for result in found)
         }
         for system in systems
     }
     counting = judged(rows)
-    means = {system: _mean(list(row.values())) for system, row in rows.items() if row and row.keys() == counting}
+    means = {
+        system: _entry([by_place[system, column] for column in row])
+        for system, row in rows.items()
+        if row and row.keys() == counting
+    }
     speeds = {system: speed_of(chosen, system) for system in systems}
     failures = {system: figure for system in systems if (figure := _failures(chosen, system))}
     return Table(protocol, columns, rows, means, speeds, failures)
@@ -136,25 +140,25 @@ def _failures(results: Iterable[CellResult], system: str) -> Figure | None:
     return _figure(list(by_repetition.values())) if by_repetition else None
 
 
-def _entry(results: Sequence[CellResult]) -> Entry:
-    """Of one system and sequence: each repetition's mean over the targets, then mean and spread of these."""
-    by_repetition: defaultdict[int, list[CellResult]] = defaultdict(list)
+def _entry(sequences: Sequence[Sequence[CellResult]]) -> Entry:
+    """Of one system: the mean over the sequences in each repetition that all of them have, then mean and spread of
+    these."""
+    return Entry(*(_figure(_by_repetition(sequences, of)) for of in ("ap", "ar")))
+
+
+def _by_repetition(sequences: Sequence[Sequence[CellResult]], of: str) -> list[float]:
+    found = [_means_over_targets(results, of) for results in sequences]
+    common = [repetition for repetition in found[0] if all(repetition in means for means in found)]
+    return [fmean(means[repetition] for means in found) for repetition in common]
+
+
+def _means_over_targets(results: Iterable[CellResult], of: str) -> dict[int, float]:
+    """Of one sequence, by repetition."""
+    values: defaultdict[int, list[float]] = defaultdict(list)
     for result in results:
-        by_repetition[result.cell.repetition].append(result)
-    return Entry(
-        *(
-            _figure([fmean(getattr(result, of) for result in found) for found in by_repetition.values()])
-            for of in ("ap", "ar")
-        )
-    )
+        values[result.cell.repetition].append(getattr(result, of))
+    return {repetition: fmean(found) for repetition, found in values.items()}
 
 
 def _figure(values: Sequence[float]) -> Figure:
     return Figure(fmean(values), stdev(values) if len(values) > 1 else None)
-
-
-def _mean(entries: Sequence[Entry]) -> Entry:
-    return Entry(
-        Figure(fmean(entry.ap.mean for entry in entries)),
-        Figure(fmean(entry.ar.mean for entry in entries)),
-    )

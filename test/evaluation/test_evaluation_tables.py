@@ -63,6 +63,15 @@ def test_a_sequence_with_an_error_has_no_figure_and_its_system_no_mean():
     assert found.entry("eco", MEAN) is None
 
 
+def test_the_mean_over_sequences_has_the_spread_of_whole_repetitions():
+    other = dataclasses.replace(RESULTS[5], cell=cell("tld", OTHER, repetition=1), ap=0.1)
+    means = make_table([*RESULTS, other], "one-pass", SYSTEMS).means
+    assert means["tld"].ap.mean == pytest.approx((0.4 + (0.9004 + 0.1) / 2) / 2)
+    assert means["tld"].ap.spread == pytest.approx(stdev([(0.2 + 0.9004) / 2, (0.6 + 0.1) / 2]))
+    assert means["kcf"].ap.spread is None
+    assert table().means["tld"].ap.mean == pytest.approx((0.2 + 0.9004) / 2), "of the repetition that both have"
+
+
 def test_a_sequence_on_which_every_system_failed_does_not_count_for_the_means():
     damaged = [failed_cell(cell(system, ("folder", "damaged")), "it is cut") for system in ("kcf", "tld")]
     found = make_table([*RESULTS, *damaged], "one-pass", SYSTEMS)
@@ -112,7 +121,7 @@ def test_markdown_has_the_best_in_bold_and_equal_ones_alike():
     ]  # fmt: skip
     assert rows["tld"][:4] == ["**0.400** ± 0.283", "0.450 ± 0.354", "0.430", "0.424"]
     assert rows["kcf"] == [
-        "0.300", "**0.500**", "0.307", "0.430", "**0.900**", "**1.000**", "0.600", "**0.750**", "5.00",
+        "0.300", "**0.500**", "0.307", "0.430", "**0.900**", "**1.000**", "**0.600**", "**0.750**", "5.00",
         "200", "0.04",
     ]  # fmt: skip
     assert rows["tld"][4] == "**0.900**"
@@ -123,16 +132,37 @@ def test_markdown_has_the_best_in_bold_and_equal_ones_alike():
 
 def test_latex_has_as_many_columns_in_each_row_as_it_declares():
     text = table_formats.latex(table())
-    declared = re.search(r"\\begin\{tabular\}\{\|((?:c\|)+)\}", text).group(1).count("c")
-    rows = [line for line in text.splitlines() if line.endswith((r"\hline", r"\cline{2-12}")) and "&" in line]
-    assert declared == 12
-    for row in rows:
-        spans = [int(span) for span in re.findall(r"\\multicolumn\{(\d+)\}", row)]
-        assert row.count("&") + 1 + sum(span - 1 for span in spans) == declared
+    for page in text.split("\n\n"):
+        declared = re.search(r"\\begin\{tabular\}\{\|((?:c\|)+)\}", page).group(1).count("c")
+        rows = [line for line in page.splitlines() if line.endswith(r"\hline") or r"\cline" in line if "&" in line]
+        assert len(rows) == len(SYSTEMS) + 2
+        for row in rows:
+            spans = [int(span) for span in re.findall(r"\\multicolumn\{(\d+)\}", row)]
+            assert row.count("&") + 1 + sum(span - 1 for span in spans) == declared
+        assert rf"\cline{{2-{declared}}}" in page
+        assert [line.split(" & ")[0] for line in rows[2:]] == ["TLD", "KCF", "ECO", "E-MS"]
     assert text.count("{") == text.count("}")
     assert r"ecd/shapes\_6dof" in text
     assert r"\textbf{0.400} $\pm$ 0.283" in text
     assert "–" not in text
+
+
+def test_latex_has_four_of_the_papers_sequences_in_a_table_or_two_beside_its_figures(monkeypatch):
+    sequences = ("shapes_translation", "shapes_6dof", "poster_6dof", "slider_depth")
+    results = [brought(cell("kcf", ("ecd", name)), 0.5, 0.6) for name in sequences]
+    found = make_table(results, "one-pass", ("kcf",))
+
+    def titles() -> list[list[str]]:
+        pages = table_formats.latex(found).split("\n\n")
+        return [re.findall(r"\\multicolumn\{\d+\}\{c\|\}\{([^}]*)\}", page.replace(r"\_", "_")) for page in pages]
+
+    assert titles() == [
+        ["shapes_translation", "paper", "shapes_6dof", "paper"],
+        ["poster_6dof", "paper", "slider_depth", "paper"],
+        ["mean", "time"],
+    ]
+    monkeypatch.setattr(type(found), "printed", lambda *_: {})
+    assert titles() == [list(sequences), ["mean", "time"]]
 
 
 def test_csv_has_unrounded_figures_and_the_papers():
