@@ -48,16 +48,36 @@ class Failure:
         return (self.result.stamps_ns[self.last] - self.result.stamps_ns[self.first]) / 1e9
 
 
-def longest_failure(results: Iterable[CellResult]) -> Failure | None:
-    """The longest failure in any of these cells after the system's first answer; None where there is none."""
-    found = [failure for result in results if result.error is None for failure in _failures(result)]
-    return max(found, key=lambda failure: (failure.duration_s, failure.last - failure.first), default=None)
+def longest_failures(results: Iterable[CellResult], count: int) -> list[Failure]:
+    """The longest failures after the system's first answer, each of another target, the longest first.
+
+    Args:
+        results: of one system and protocol.
+        count: how many at most.
+    """
+    of_targets: dict[tuple[str, str, str], Failure] = {}
+    for result in results:
+        target = result.cell.dataset, result.cell.sequence, result.cell.target
+        for failure in _failures(result):
+            of_targets[target] = max(of_targets.get(target, failure), failure, key=_length)
+    return sorted(of_targets.values(), key=_length, reverse=True)[:count]
+
+
+def _length(failure: Failure) -> tuple[float, int]:
+    return failure.duration_s, failure.last - failure.first
+
+
+def labels_before_answer(result: CellResult) -> int:
+    """How many labels come before the system's first answer. They count as missed, but a system that waits for its
+    first picture after the start has not failed."""
+    if not result.track:
+        return len(result.stamps_ns)
+    return sum(stamp_ns < result.track[0].stamp_ns for stamp_ns in result.stamps_ns)
 
 
 def _failures(result: CellResult) -> Iterator[Failure]:
-    # What comes before the first picture after the start is no fault of the system's.
-    first_ns = result.track[0].stamp_ns if result.track else result.stamps_ns[-1] + 1
-    answered = [index for index, stamp_ns in enumerate(result.stamps_ns) if stamp_ns >= first_ns]
+    unanswered = labels_before_answer(result)
+    answered = range(unanswered, len(result.overlaps))
     for fails, run in groupby(answered, lambda index: result.overlaps[index] < SUCCESS_IOU):
         indices = list(run)
         if fails:
@@ -80,7 +100,7 @@ def failure_pictures(failure: Failure, task: CellTask, workplace: Workplace) -> 
         if seen is not None:
             label = next(label for label in task.labels if label.stamp_ns == stamp_ns)
             (answer,) = boxes_at(failure.result.track, [label])
-            caption = f"{(stamp_ns - origin_ns) / 1e9:.2f} s: overlap {failure.result.overlaps[index]:.2f}"
+            caption = f"{(stamp_ns - origin_ns) / 1e9:.2f} s: overlap {failure.result.overlaps[index]:.3f}"
             pictures.append((caption + ("" if answer else ", no box"), drawn(seen, label.box, answer)))
     return pictures
 

@@ -10,7 +10,7 @@ import cv2
 
 from etd_ros.evaluation.cell_run import CellTask, Workplace
 from etd_ros.evaluation.cells import Cell, CellResult, ProtocolName
-from etd_ros.evaluation.failures import Failure, failure_pictures, longest_failure
+from etd_ros.evaluation.failures import Failure, failure_pictures, labels_before_answer, longest_failures
 from etd_ros.evaluation.plots import plots_of
 from etd_ros.evaluation.table_formats import html
 from etd_ros.evaluation.tables import make_table
@@ -18,6 +18,13 @@ from etd_ros.overlay import Picture
 from etd_ros.systems.registry import SYSTEMS
 
 JPEG_QUALITY = 88
+FAILURES_SHOWN = 2
+"""Of each system and protocol, each of another target."""
+FAILURES = (
+    "<h3>Failures</h3><p>Of each system the longest times over which its overlap was below 0.5, of two targets at most:"
+    ' where each begins, and its middle. <span class="label">Green: label.</span> '
+    '<span class="answer">Red: answer.</span></p>'
+)
 RULES = {
     "one-pass": "Causal, a single pass: each label but the first is compared with the last answer at or before it.",
     "restarts": "The paper's protocol (Sec. 4.1): after a label overlapped by less than 0.5 the system starts again "
@@ -26,6 +33,7 @@ RULES = {
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #1c1e21; max-width: 1180px; margin: 2em auto; padding: 0 1.2em }
 h1 { font-size: 1.7em } h2 { margin-top: 2em; border-bottom: 1px solid #ccc } h3 { margin: 1.4em 0 .3em }
+h4 { margin: 1.2em 0 .2em } .failure { margin: .5em 0 .3em }
 p { max-width: 75ch } img { max-width: 100% }
 .wide { overflow-x: auto }
 table { border-collapse: collapse; font-size: 13px } td, th { border: 1px solid #ccc; padding: .25em .6em }
@@ -46,9 +54,22 @@ def report_html(
         EtdError: a recording cannot be read any more.
     """
     parts = [f"<h1>{len(systems)} systems on {_counted(results)}</h1>", _list_of_systems(systems)]
+    by_place = {
+        (protocol, name): [
+            result for result in results if (result.cell.protocol, result.cell.system) == (protocol, name)
+        ]
+        for protocol in protocols
+        for name in systems
+    }
+    failures = {place: longest_failures(found, FAILURES_SHOWN) for place, found in by_place.items()}
+    pictures = _pictures([failure for found in failures.values() for failure in found], tasks)
     for protocol in protocols:
         parts += _protocol(protocol, [result for result in results if result.cell.protocol == protocol], systems)
-    parts += _failures(tasks, [result for result in results if result.cell.protocol == protocols[0]], systems)
+        parts.append(FAILURES)
+        for name in systems:
+            shown = failures[protocol, name]
+            parts.append(f"<h4>{escape(name)}</h4>{_about(by_place[protocol, name], shown)}")
+            parts += [_failure(failure, pictures[failure.result.cell]) for failure in shown]
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>etd_ros: comparison</title>'
     body = "\n".join(parts)
     return (
@@ -89,33 +110,36 @@ def _errors(results: Iterable[CellResult]) -> Iterator[str]:
         yield f"<p>Without a result:</p><ul>{items}</ul>"
 
 
-def _failures(tasks: Iterable[CellTask], results: Sequence[CellResult], systems: Sequence[str]) -> Iterator[str]:
+def _pictures(failures: Iterable[Failure], tasks: Iterable[CellTask]) -> dict[Cell, list[tuple[str, Picture]]]:
+    """By cell. Those of a recording follow each other, so that it is read once."""
     by_cell = {task.cell: task for task in tasks}
-    yield (
-        "<h2>Failures</h2><p>For each system the longest time over which its overlap was below 0.5: where it begins, "
-        'and its middle. <span class="label">Green: label.</span> <span class="answer">Red: answer.</span></p>'
-    )
     workplace = Workplace()
-    found = {name: longest_failure(result for result in results if result.cell.system == name) for name in systems}
-    in_order = sorted(filter(None, found.values()), key=lambda failure: str(by_cell[failure.result.cell].recording))
-    pictures = {
+    in_order = sorted(failures, key=lambda failure: str(by_cell[failure.result.cell].recording))
+    return {
         failure.result.cell: failure_pictures(failure, by_cell[failure.result.cell], workplace) for failure in in_order
     }
-    for name, failure in found.items():
-        if failure is not None:
-            yield _failure(failure, pictures[failure.result.cell])
-        elif any(result.error is None for result in results if result.cell.system == name):
-            yield f"<h3>{escape(name)}</h3><p>None of its answers has an overlap below 0.5.</p>"
+
+
+def _about(results: Sequence[CellResult], failures: Sequence[Failure]) -> str:
+    """What there are no pictures of."""
+    if all(result.error is not None for result in results):
+        return "<p>Without a result.</p>"
+    waited = sum(map(labels_before_answer, results))
+    said = [
+        "" if failures else "From its first answer on no overlap is below 0.5.",
+        f"Missed before its first answer: {waited} label{'s' if waited > 1 else ''}." if waited else "",
+    ]
+    return f"<p>{' '.join(filter(None, said))}</p>" if any(said) else ""
 
 
 def _failure(failure: Failure, pictures: Iterable[tuple[str, Picture]]) -> str:
-    cell: Cell = failure.result.cell
-    head = f"{cell.system}: {cell.sequence}/{cell.target}, {failure.duration_s:.2f} s"
+    cell = failure.result.cell
+    head = f"{cell.sequence}/{cell.target}: {failure.duration_s:.2f} s"
     figures = "".join(
         f"<figure>{_jpeg(picture, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
         for caption, picture in pictures
     )
-    return f'<h3>{escape(head)}</h3><div class="failures">{figures}</div>'
+    return f'<p class="failure">{escape(head)}</p><div class="failures">{figures}</div>'
 
 
 def _png(png: bytes) -> str:

@@ -22,11 +22,13 @@ from etd_ros.evaluation.failures import (
     Failure,
     drawn,
     failure_pictures,
-    longest_failure,
+    labels_before_answer,
+    longest_failures,
     seen_at,
 )
 from etd_ros.evaluation.outputs import write_comparison
 from etd_ros.evaluation.plots import plots_of
+from etd_ros.evaluation.report import report_html
 from etd_ros.evaluation.tables import make_table
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings
@@ -83,7 +85,7 @@ def test_the_report_is_one_page_that_needs_nothing_beside_it(tasks, results, tmp
     pictures = [decoded(source) for source in page.sources]
     assert len(pictures) >= 8
     assert all(len(np.unique(picture)) > 10 for picture in pictures)
-    assert "etd-nr: square/square" in text or "etd-nr: &lt;blind&gt;/square" in text
+    assert re.search(r"<h4>etd-nr</h4>.*?(square|&lt;blind&gt;)/square: \d\.\d\d s", text, re.DOTALL)
     assert "needs video" in text
     names = {path.name for path in tmp_path.iterdir()}
     assert {"curves_one-pass.png", "speed_accuracy_restarts.png", "overlap_folder_square_one-pass.png"} <= names
@@ -101,27 +103,53 @@ def test_curves_are_over_the_sequences_that_any_system_has_a_result_of(results):
     assert plots[0][0].png != plots[1][0].png
 
 
-def with_overlaps(*overlaps: float, answered_ns: int = 0) -> CellResult:
-    cell = Cell("folder", "square", "square", "kcf", "one-pass", 0)
+def with_overlaps(*overlaps: float, answered_ns: int = 0, target: str = "square") -> CellResult:
+    cell = Cell("folder", "square", target, "kcf", "one-pass", 0)
     count = len(overlaps)
     stamps_ns = [10**9 * (number + 1) for number in range(count)]
-    track = [TrackRow(answered_ns, "square", Box(1, 1, 5, 5), 1.0, "tracking")]
+    track = [TrackRow(answered_ns, target, Box(1, 1, 5, 5), 1.0, "tracking")]
     return CellResult(cell, 0.5, 0.5, stamps_ns, overlaps, [0.0] * count, 0, track, count, 1, 1.0)
 
 
 def test_the_longest_failure_is_the_longest_run_below_one_half():
     first = with_overlaps(0.1, 0.9, 0.49, 0.0, 0.2, 0.5, 0.1, 0.1)
-    failure = longest_failure([with_overlaps(0.4, 0.4, 0.9), first])
+    (failure,) = longest_failures([with_overlaps(0.4, 0.4, 0.9), first], 2)
     assert (failure.result, failure.first, failure.last, failure.duration_s) == (first, 2, 4, 2.0)
-    assert longest_failure([with_overlaps(0.5, 1.0)]) is None
-    assert longest_failure([]) is None
+    assert longest_failures([with_overlaps(0.5, 1.0)], 2) == []
+    assert longest_failures([], 2) == []
+
+
+def test_each_failure_shown_is_of_another_target():
+    long = with_overlaps(0.1, 0.1, 0.1, 0.9, 0.1, 0.1, target="a")
+    short, shorter = with_overlaps(0.9, 0.1, 0.1, target="b"), with_overlaps(0.9, 0.9, 0.1, target="c")
+    results = [shorter, long, short]
+    assert [failure.result for failure in longest_failures(results, 2)] == [long, short]
+    assert [failure.result for failure in longest_failures(results, 9)] == [long, short, shorter]
 
 
 def test_labels_before_the_first_answer_are_no_failure_of_the_system():
     late = with_overlaps(0.0, 0.0, 0.0, 0.9, 0.1, answered_ns=3_500_000_000)
-    failure = longest_failure([late])
-    assert (failure.first, failure.last) == (4, 4)
-    assert longest_failure([dataclasses.replace(late, track=[])]) is None
+    (failure,) = longest_failures([late], 1)
+    assert (failure.first, failure.last, labels_before_answer(late)) == (4, 4, 3)
+    silent = dataclasses.replace(late, track=[])
+    assert (longest_failures([silent], 1), labels_before_answer(silent)) == ([], 5)
+
+
+def test_failures_are_shown_for_each_protocol_and_those_without_said_to_have_none(tasks, results):
+    text = report_html(tasks, results, ("one-pass", "restarts"), (*SYSTEMS, "tld"))
+    one_pass, again = text.split("<h2>")[1:]
+    for part in (one_pass, again):
+        assert part.count("<h3>Failures</h3>") == 1
+        assert re.search(r"<h4>etd-nr</h4>.*?<figure>", part, re.DOTALL)
+        assert "<h4>tld</h4><p>Without a result.</p>" in part
+
+
+def test_a_system_without_failures_is_said_to_have_none_and_what_it_missed_before_it_answered(tasks):
+    good = with_overlaps(0.0, 0.0, 0.9, answered_ns=2_500_000_000)
+    text = report_html(tasks, [good], ("one-pass",), ("kcf",))
+    assert (
+        "<h4>kcf</h4><p>From its first answer on no overlap is below 0.5. Missed before its first answer: 2 labels.</p>"
+    ) in text
 
 
 def test_what_a_video_system_saw_is_the_last_frame_at_or_before_the_time(tasks):
