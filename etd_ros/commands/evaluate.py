@@ -70,7 +70,10 @@ def _add_for_datasets(group: argparse._ArgumentGroup) -> None:
         "--repetitions", type=int, metavar="N", help=f"of systems with randomness (default: {REPETITIONS}, the paper's)"
     )
     group.add_argument(
-        "--store", type=Path, metavar="FILE.sqlite", help="keep results here; what it holds is not done again"
+        "--store",
+        type=Path,
+        metavar="FILE.sqlite",
+        help="keep results here; what it holds is not done again (default: evaluation.sqlite in --output, or here)",
     )
     group.add_argument("--output", type=Path, metavar="FOLDER", help="write tables, plots and an HTML report here")
     group.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")

@@ -24,6 +24,7 @@ from etd_ros.evaluation.tables import make_table
 from etd_ros.plots import check_matplotlib
 from etd_ros.settings import Settings
 from etd_ros.systems.registry import SYSTEMS
+from etd_ros.systems.running import check_named_models
 
 REPETITIONS_MAX = 1000
 ERRORS_SHOWN = 10
@@ -42,11 +43,14 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> int:
     protocols = _protocols(options.protocol)
     sequences = _sequences(options.dataset, options.only, options.box_columns)
     tasks = cell_tasks(sequences, systems, protocols, options.repetitions or REPETITIONS, settings)
+    check_named_models(systems, settings)
     if options.output:
         check_matplotlib()
         make_folder(options.output)
     workforce = Workforce(options.jobs, options.cell_timeout, options.scheduler)
     with Store(_store_path(options.store, options.output)) as store:
+        if not (options.store or options.output):
+            print(f"results are kept in {store.path}", file=sys.stderr)
         _work(store, outstanding(store, tasks, retry_errors=bool(options.retry_errors)), len(tasks), workforce)
         results = list(store.results(map(key_of, tasks)))
         if options.output:
@@ -100,9 +104,8 @@ def _sequences(
     return found
 
 
-def _store_path(store: Path | None, output: Path | None) -> Path | None:
-    """Where results are kept: in memory only where no file is named."""
-    return store or (output and output / STORE_NAME)
+def _store_path(store: Path | None, output: Path | None) -> Path:
+    return store or (output or Path()) / STORE_NAME
 
 
 def _work(store: Store, missing: Sequence[CellTask], total: int, workforce: Workforce) -> None:
@@ -115,8 +118,11 @@ def _work(store: Store, missing: Sequence[CellTask], total: int, workforce: Work
                 done += 1
                 tell(done, result)
     except KeyboardInterrupt:
-        kept = "kept, run the same command again to go on" if store.path else "lost, give --store FILE.sqlite"
-        print(f"etd_ros: interrupted: {done} of {total} cells are done and {kept}", file=sys.stderr)
+        print(
+            f"etd_ros: interrupted: {done} of {total} cells are done and kept in {store.path}, "
+            "run the same command again to go on",
+            file=sys.stderr,
+        )
         raise
 
 

@@ -14,7 +14,7 @@ from etd_ros.evaluation.cells import Cell, CellResult, ProtocolName
 from etd_ros.evaluation.protocol import Outcome, Step, one_pass, restarts
 from etd_ros.evaluation.scoring import score_of
 from etd_ros.evaluation.truth import TimedBox
-from etd_ros.recordings import open_recording
+from etd_ros.recordings import RecordingError, open_recording
 from etd_ros.recordings.loaded import LoadedRecording
 from etd_ros.settings import Settings
 from etd_ros.systems.running import run_system
@@ -50,7 +50,7 @@ class CellTask:
 
 class Workplace:
     """What a process keeps from cell to cell: the recording that was asked for last, in memory, since the cells of one
-    recording follow each other, and which systems have run.
+    recording follow each other, which ones are damaged, and which systems have run.
 
     Attributes:
         warm: systems whose libraries and kernels are loaded.
@@ -59,6 +59,7 @@ class Workplace:
     def __init__(self) -> None:
         self._key: tuple[Path, str | None] | None = None
         self._recording: LoadedRecording | None = None
+        self._damaged: dict[tuple[Path, str | None], str] = {}
         self.warm: set[str] = set()
 
     def recording(self, path: Path, topic: str | None) -> LoadedRecording:
@@ -67,12 +68,19 @@ class Workplace:
         Raises:
             RecordingError: it cannot be opened, is damaged, or holds no events.
         """
-        if self._recording is None or self._key != (path, topic):
+        key = path, topic
+        if key in self._damaged:
+            raise RecordingError(self._damaged[key])
+        if self._recording is None or self._key != key:
             # Let go first: two large recordings may not fit.
             self._key = self._recording = None
-            with open_recording(path, topic=topic) as recording:
-                self._recording = LoadedRecording.load(recording)
-            self._key = (path, topic)
+            try:
+                with open_recording(path, topic=topic) as recording:
+                    self._recording = LoadedRecording.load(recording)
+            except RecordingError as err:
+                self._damaged[key] = str(err)
+                raise
+            self._key = key
         return self._recording
 
 

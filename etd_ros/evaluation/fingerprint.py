@@ -7,27 +7,22 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+import cv2
 
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.settings import Settings
 
 PACKAGE = Path(__file__).resolve().parent.parent
-SOURCES = (
-    "boxes.py",
-    "conversion",
-    "detection",
-    "engine.py",
-    "evaluation/protocol.py",
-    "evaluation/scoring.py",
-    "reconstruction",
-    "recordings",
-    "recovery",
-    "systems",
-    "tracking",
-)
-"""What boxes and figures come from. A version number would say less: it stands still during development."""
+BESIDE = ("benchmarking", "commands", "evaluation", "labelling", "nodes", "simulation")
+"""Parts of the package on which no cell depends, but for `SCORED_BY`. A version number would say less than the sources:
+it stands still during development."""
+SCORED_BY = ("cell_run.py", "protocol.py", "scoring.py")
+LIBRARIES = ("numba", "numpy", "rosbags", "safetensors", "scipy", "torch")
+"""Other versions may bring other boxes; OpenCV says its own, since it is distributed under several names."""
 DIGITS = 16
 
 
@@ -42,6 +37,7 @@ def fingerprint(recording: str, labels: Sequence[TimedBox], settings: Settings) 
     values = asdict(settings)
     parts = {
         "sources": _sources_digest(),
+        "libraries": _library_versions(),
         "recording": recording,
         "labels": [(label.stamp_ns, *label.box) for label in labels],
         "settings": values,
@@ -59,11 +55,29 @@ def recording_state(path: Path, topic: str | None) -> str:
 @cache
 def _sources_digest() -> str:
     digest = hashlib.sha256()
-    for source in SOURCES:
-        for file in _files(PACKAGE / source):
-            if file.suffix in (".py", ".safetensors"):
-                digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
+    for file in source_files():
+        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
+
+
+def source_files() -> list[Path]:
+    """The package's files that boxes and figures come from: code and shipped weights."""
+    found = [file for part in sorted(PACKAGE.iterdir()) if part.name not in BESIDE for file in _files(part)]
+    scoring = [PACKAGE / "evaluation" / name for name in SCORED_BY]
+    return [file for file in (*found, *scoring) if file.suffix in (".py", ".safetensors")]
+
+
+@cache
+def _library_versions() -> dict[str, str | None]:
+    return {"opencv": cv2.__version__, **{name: _version(name) for name in LIBRARIES}}
+
+
+def _version(library: str) -> str | None:
+    """None where it is not installed."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return None
 
 
 def _files(path: Path) -> list[Path]:

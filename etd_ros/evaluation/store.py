@@ -52,7 +52,7 @@ class Store:
     """Cells that are done, for the length of a `with` block. Several processes may use one file.
 
     Args:
-        path: the file, made where there is none; None to keep cells in memory only.
+        path: the file, made where there is none.
 
     Attributes:
         path: the file.
@@ -62,12 +62,11 @@ class Store:
             methods.
     """
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self._name = str(path) if path else "the store in memory"
         with self._one_line_errors():
             # Every transaction is begun in so many words: the module's own rules changed with Python 3.12.
-            self._database = sqlite3.connect(path or ":memory:", timeout=BUSY_TIMEOUT_S, isolation_level=None)
+            self._database = sqlite3.connect(path, timeout=BUSY_TIMEOUT_S, isolation_level=None)
         try:
             with self._one_line_errors():
                 self._open_schema()
@@ -139,10 +138,10 @@ class Store:
                 self._database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
                 self._database.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
             elif application_id != APPLICATION_ID:
-                msg = f"{self._name}: is another program's database: name another file"
+                msg = f"{self.path}: is another program's database: name another file"
                 raise EvaluationError(msg)
             elif version != SCHEMA_VERSION:
-                msg = f"{self._name}: has schema version {version}, not {SCHEMA_VERSION}: name another file"
+                msg = f"{self.path}: has schema version {version}, not {SCHEMA_VERSION}: name another file"
                 raise EvaluationError(msg)
 
     def _ids(self, key: CellKey) -> list[int]:
@@ -213,7 +212,7 @@ class Store:
         try:
             yield
         except sqlite3.Error as err:
-            msg = f"{self._name}: cannot be used ({err}): name a store that evaluate has made, or a new file"
+            msg = f"{self.path}: cannot be used ({err}): name a store that evaluate has made, or a new file"
             raise EvaluationError(msg) from err
 
 

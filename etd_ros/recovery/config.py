@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from etd_ros.parameters import Parameters, parameter
 
@@ -91,3 +91,8 @@ class RecoveryConfig(Parameters):
     dasiamrpn_model: str = parameter("", "file of the dasiamrpn tracker's network (ONNX)")
     dasiamrpn_kernel_cls1: str = parameter("", "file of the dasiamrpn tracker's classification kernel (ONNX)")
     dasiamrpn_kernel_r1: str = parameter("", "file of the dasiamrpn tracker's regression kernel (ONNX)")
+
+    @property
+    def names_model(self) -> bool:
+        """Whether any model file is named."""
+        return any(value for name, value in asdict(self).items() if isinstance(value, str) and name != "tracker")

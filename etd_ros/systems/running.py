@@ -13,6 +13,7 @@ import numpy.typing as npt
 from etd_ros.engine import track
 from etd_ros.events import Events
 from etd_ros.recordings.loaded import EventSource
+from etd_ros.recovery import make_recovery
 from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
 from etd_ros.systems.interface import Answer, CompareError, EventTracker, PictureTracker
@@ -20,7 +21,7 @@ from etd_ros.systems.pictures import PICTURES_OF_EVENTS, Given, video_pictures
 from etd_ros.systems.reading import Stopwatch, one_stream, since
 from etd_ros.systems.registry import EventSystem, PictureSystem, System, system_named
 from etd_ros.targets import TargetStart, unique_targets
-from etd_ros.tracking import TargetReport, TargetState
+from etd_ros.tracking import TargetReport, TargetState, method_named
 
 GIVEN_SCORE = 1.0
 """Of the box that a target starts with."""
@@ -93,6 +94,23 @@ def run_system(
     if isinstance(system, PictureSystem):
         return _run_on_pictures(system, given, targets, settings, seed)
     return _run_on_events(system, given, targets, settings, seed)
+
+
+def check_named_models(names: Iterable[str], settings: Settings) -> None:
+    """Try systems with the model files that the settings name, if any, so that a wrong one is told before the work.
+
+    Raises:
+        CompareError: an unknown system, or one that cannot use its file.
+        RecoveryError: a method of the engine whose recovery cannot.
+    """
+    if not settings.recovery.names_model:
+        return
+    for name in names:
+        system = system_named(name)
+        if isinstance(system, (PictureSystem, EventSystem)):
+            system.maker(settings, 0)
+        elif method_named(name).recovers:
+            make_recovery(settings.recovery)
 
 
 def _run_engine(

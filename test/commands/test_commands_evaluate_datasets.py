@@ -129,7 +129,7 @@ def test_a_run_that_is_ended_goes_on_where_it_was(dataset, tmp_path, number, cod
     assert len(descriptors) == 2
     if number == signal.SIGINT:
         assert len(rest) <= 2
-        assert "kept, run the same command again to go on" in rest[-1]
+        assert f"kept in {store}, run the same command again to go on" in rest[-1]
     before = kept(store)
     assert 5 <= len(before) < CELLS
     with started(dataset, store) as running:
@@ -165,6 +165,32 @@ def test_what_cannot_be_compared_is_refused_in_one_line(dataset, place, capsys, 
     assert message in error
     assert error.count("\n") == 1
     assert list(place.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("systems", "setting"),
+    [
+        (("kcf", "siamfc"), "siamfc_model"),
+        (("dasiamrpn",), "siamrpn_model"),
+        (("dasiamrpn-e",), "compact_model"),
+        (("etd",), "compact_model"),
+    ],
+)
+def test_a_model_file_that_cannot_be_used_is_refused_before_the_work(dataset, place, capsys, systems, setting):
+    more = ("--set", f"recovery.{setting}=/nowhere/weights.pth")
+    assert main(arguments(dataset, *more, systems=systems)) == 2
+    error = capsys.readouterr().err
+    assert "/nowhere/weights.pth" in error
+    assert error.count("\n") == 1
+    assert list(place.iterdir()) == []
+
+
+def test_results_are_kept_here_where_no_file_is_named(dataset, place, capsys):
+    assert main(arguments(dataset, "--only", "blind", systems=("etd-nr",))) == 0
+    assert capsys.readouterr().err.splitlines()[0] == "results are kept in evaluation.sqlite"
+    assert [path.name for path in place.iterdir()] == ["evaluation.sqlite"]
+    assert main(arguments(dataset, "--only", "blind", systems=("etd-nr",))) == 0
+    assert "1 of 1 cells are done already" in capsys.readouterr().err
 
 
 def test_the_same_sequence_twice_is_refused(dataset, capsys):

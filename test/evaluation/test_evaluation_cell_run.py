@@ -127,3 +127,12 @@ def test_what_goes_wrong_in_a_cell_is_its_result_in_one_line(square, tmp_path, m
     assert "\n" not in result.error
     assert math.isnan(result.ap)
     assert (result.overlaps, result.track) == ((), ())
+
+
+def test_a_damaged_recording_is_read_once_for_all_of_its_cells(square, tmp_path, monkeypatch):
+    task = damaged(tasks_of(square)[0], tmp_path)
+    workplace = Workplace()
+    first = run_cell(task, workplace)
+    monkeypatch.setattr("etd_ros.evaluation.cell_run.open_recording", None)
+    assert run_cell(task, workplace).error == first.error
+    assert "line 2" in first.error

@@ -17,7 +17,7 @@ import pytest
 from etd_ros.boxes import Box
 from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow
 from etd_ros.evaluation.cells import Cell, CellResult
-from etd_ros.evaluation.fingerprint import fingerprint, recording_state
+from etd_ros.evaluation.fingerprint import PACKAGE, fingerprint, recording_state, source_files
 from etd_ros.evaluation.store import Store
 from etd_ros.settings import settings_from_mapping
 
@@ -175,6 +175,27 @@ def test_the_fingerprint_follows_recording_labels_and_settings(tmp_path):
     recording.write_bytes(b"more events")
     others.append(now())
     assert len({first, *others}) == 7
+
+
+def test_the_fingerprint_follows_all_code_that_boxes_come_from():
+    names = {file.relative_to(PACKAGE).as_posix() for file in source_files()}
+    assert {
+        "events.py", "settings.py", "stream.py", "targets.py", "conversion/atsltd.py", "recordings/loaded.py",
+        "systems/eco/tracker.py", "tracking/multi_tracker.py", "evaluation/cell_run.py", "evaluation/protocol.py",
+        "recovery/weights/compact.safetensors",
+    } <= names  # fmt: skip
+    assert not {name.split("/")[0] for name in names} & {"nodes", "commands", "labelling", "simulation"}
+    assert {name for name in names if name.startswith("evaluation/")} == {
+        "evaluation/cell_run.py", "evaluation/protocol.py", "evaluation/scoring.py"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("part", ["_sources_digest", "_library_versions"])
+def test_the_fingerprint_follows_sources_and_libraries(monkeypatch, part):
+    labels = [TimedBox(1, Box(1, 2, 3, 4))]
+    before = fingerprint("", labels, settings_from_mapping({}))
+    monkeypatch.setattr(f"etd_ros.evaluation.fingerprint.{part}", lambda: "other")
+    assert fingerprint("", labels, settings_from_mapping({})) != before
 
 
 def test_a_folders_fingerprint_follows_each_of_its_files(tmp_path):
