@@ -12,7 +12,7 @@ from etd_ros.errors import EtdError
 from etd_ros.evaluation import read_boxes
 from etd_ros.tracking import Click
 
-EARLIEST_START_NS = 100_000_000
+EARLIEST_START_NS = 500_000_000
 """How far before the first event a target may start: a quiet scene's first event comes after the recording's start."""
 
 

@@ -255,9 +255,9 @@ def test_reports_come_in_the_order_of_the_targets():
 
 def test_a_target_well_before_the_first_event_is_refused_and_one_just_before_is_not():
     first_ns = int(EVENTS.t[0])
-    assert tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 90_000_000))
+    assert tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 490_000_000))
     with pytest.raises(TargetError, match="before the first event"):
-        tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 110_000_000))
+        tracked(cut_at(EVENTS, []), TargetStart("square", BOX, first_ns - 510_000_000))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from etd_ros.datasets.interface import DatasetError
 from etd_ros.recordings import Recording, open_recording
+from etd_ros.targets import EARLIEST_START_NS
 
-SLACK_NS = 500_000_000
+SLACK_NS = EARLIEST_START_NS
 """How far labels may lie outside the events' time: a scene without motion makes none at the start or the end."""
 TAIL_BYTES = 4096
 

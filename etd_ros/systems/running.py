@@ -80,9 +80,12 @@ def run_system(
     system = system_named(name)
     settings = settings or Settings()
     targets = unique_targets(starts)
+    _check_starts(recording, targets, settings)
     given = recording if from_ns is None else since(recording, from_ns)
     if not isinstance(system, (PictureSystem, EventSystem)):
-        return _run_engine(system, given, targets, settings, threads=threads)
+        # To the engine a scene at rest in the middle would be one before its first event.
+        starts = targets if from_ns is None else _from_first_event(given, targets, settings)
+        return _run_engine(system, given, starts, settings, threads=threads)
     for target in targets:
         target.box.check(recording.width, recording.height, f"box of target {target.name!r}")
     if system.feed == "video" and next(iter(recording.images()), None) is None:
@@ -127,7 +130,6 @@ def _run_engine(
 def _run_on_pictures(
     system: PictureSystem, recording: EventSource, targets: Sequence[TargetStart], settings: Settings, seed: int
 ) -> Generator[SystemStep, None, None]:
-    _check_starts(recording, targets, settings)
     make = system.maker(settings, seed)
     followed = [_OnPictures(target, make) for target in targets]
     stopwatch = Stopwatch()
@@ -187,7 +189,6 @@ def _report(name: str, answer: Answer) -> TargetReport:
 def _run_on_events(
     system: EventSystem, recording: EventSource, targets: Sequence[TargetStart], settings: Settings, seed: int
 ) -> Generator[SystemStep, None, None]:
-    _check_starts(recording, targets, settings)
     make = system.maker(settings, seed)
     followed = [_OnEvents(target, make) for target in targets]
     stopwatch = Stopwatch()
@@ -256,13 +257,24 @@ class _SeenEvents:
         return frame
 
 
+def _from_first_event(recording: EventSource, targets: Iterable[TargetStart], settings: Settings) -> list[TargetStart]:
+    """The targets, those that start before the first event from there on."""
+    first_ns = _first_event_ns(recording, settings)
+    return [dataclasses.replace(target, stamp_ns=max(target.stamp_ns, first_ns)) for target in targets]
+
+
 def _check_starts(recording: EventSource, targets: Iterable[TargetStart], settings: Settings) -> None:
     """Refuse targets that start before the recording, as the engine does.
 
     Raises:
         TargetError: a stamp on another clock, or too early.
     """
+    first_ns = _first_event_ns(recording, settings)
+    for target in targets:
+        target.check_start(first_ns)
+
+
+def _first_event_ns(recording: EventSource, settings: Settings) -> int:
+    """Of a recording without events 0."""
     first = next(iter(recording.streams(settings.stream)), None)
-    if first is not None:
-        for target in targets:
-            target.check_start(int(first.events.t[0]))
+    return 0 if first is None else int(first.events.t[0])

@@ -6,10 +6,12 @@ import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from evaluation_sequences import DURATION_S, tasks_of, write_sequence
 
 from etd_ros.boxes import Box
+from etd_ros.datasets import LabelledSequence
 from etd_ros.evaluation import TimedBox, TrackRow, score
 from etd_ros.evaluation.cell_run import CellTask, Workplace, run_cell
 from etd_ros.evaluation.cells import Cell
@@ -136,3 +138,29 @@ def test_a_damaged_recording_is_read_once_for_all_of_its_cells(square, tmp_path,
     monkeypatch.setattr("etd_ros.evaluation.cell_run.open_recording", None)
     assert run_cell(task, workplace).error == first.error
     assert "line 2" in first.error
+
+
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory) -> LabelledSequence:
+    """The square, then two seconds without an event, in which it is labelled all the time, then its way back."""
+    folder = tmp_path_factory.mktemp("resting")
+    sequence = write_sequence(folder)
+    there = (folder / "square" / "events.txt").read_text().splitlines()
+    back = [line.split() for line in reversed(there)]
+    way_back = [f"{3.0 - float(t):.9f} {x} {y} {1 - int(p)}" for t, x, y, p in back]
+    (folder / "square" / "events.txt").write_text("\n".join([*there, *way_back]) + "\n")
+    labels = list(sequence.boxes["square"])
+    rest = [TimedBox(round(time_s * 1e9), labels[-1].box) for time_s in np.arange(0.5, 2.5, 0.1)]
+    # The square is said to have been elsewhere for a moment, so that every system fails in the middle of the rest.
+    rest[12] = TimedBox(rest[12].stamp_ns, Box(2, 2, 9, 9))
+    mirrored = [TimedBox(3 * 10**9 - label.stamp_ns, label.box) for label in reversed(labels)]
+    return dataclasses.replace(sequence, boxes={"square": [*labels, *rest, *mirrored]})
+
+
+@pytest.mark.parametrize("system", ["etd-plus", "etd-nr", "e-ms", "kcf", "kcf-reconstruction", "dasiamrpn-e"])
+def test_a_system_starts_again_while_the_scene_rests(resting, system):
+    (task,) = tasks_of(resting, systems=(system,), protocols=("restarts",))
+    result = run_cell(task, Workplace())
+    assert result.error is None
+    assert result.failures >= 1
+    assert max(result.stamps_ns) > 2_500_000_000
