@@ -23,6 +23,8 @@ it stands still during development."""
 SCORED_BY = ("cell_run.py", "protocol.py", "scoring.py")
 LIBRARIES = ("numba", "numpy", "rosbags", "safetensors", "scipy", "torch")
 """Other versions may bring other boxes; OpenCV says its own, since it is distributed under several names."""
+READ = ("events.txt", "images.txt", "images", "metadata.yaml", "*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
+"""What there may be in a recording's folder, in patterns: the text format's, and a ROS 2 bag's."""
 DIGITS = 16
 
 
@@ -49,7 +51,14 @@ def fingerprint(recording: str, labels: Sequence[TimedBox], settings: Settings) 
 def recording_state(path: Path, topic: str | None) -> str:
     """Names, sizes and times of change of a recording's files, and the topic that is read: contents would take longer
     to read than many systems take to track."""
-    return hashlib.sha256(json.dumps([topic, *(_state(file) for file in _files(path))]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([topic, *map(_state, recording_files(path))]).encode()).hexdigest()
+
+
+def recording_files(path: Path) -> list[Path]:
+    """What is read of a recording. Labels and results may lie in its folder, too."""
+    if not path.is_dir():
+        return [path]
+    return sorted({file for pattern in READ for found in path.glob(pattern) for file in _files(found)})
 
 
 @cache

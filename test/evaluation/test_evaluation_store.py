@@ -177,6 +177,18 @@ def test_the_fingerprint_follows_recording_labels_and_settings(tmp_path):
     assert len({first, *others}) == 7
 
 
+@pytest.mark.parametrize("container", ["events.txt", "metadata.yaml"])
+def test_labels_and_results_in_the_recordings_folder_change_nothing(tmp_path, container):
+    (tmp_path / container).write_text("0 1 1 1\n")
+    first = recording_state(tmp_path, None)
+    (tmp_path / "results").mkdir()
+    for name in ("boxes.csv", "boxes.keys.json", "evaluation.sqlite", "tracks.csv", "results/report.html"):
+        (tmp_path / name).write_text("new")
+    assert recording_state(tmp_path, None) == first
+    (tmp_path / ("images.txt" if container == "events.txt" else "bag_0.mcap")).write_text("new")
+    assert recording_state(tmp_path, None) != first
+
+
 def test_the_fingerprint_follows_all_code_that_boxes_come_from():
     names = {file.relative_to(PACKAGE).as_posix() for file in source_files()}
     assert {
