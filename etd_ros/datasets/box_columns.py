@@ -14,9 +14,9 @@ from etd_ros.datasets.interface import DatasetError
 from etd_ros.datasets.spans import Span, nanoseconds
 from etd_ros.evaluation.truth import TimedBox
 
-CORNERS, SIZED = "x1 y1 x2 y2", "x y w h"
+CORNERS, SIZED, CENTRED = "x1 y1 x2 y2", "x y w h", "cx cy w h"
 TIMES = ("t", "frame0", "frame1")
-WORDS = (*TIMES, "id", *CORNERS.split(), *SIZED.split(), "-")
+WORDS = (*TIMES, "id", *CORNERS.split(), "cx", "cy", *SIZED.split(), "-")
 UNITS_NS = {"s": 10**9, "us": 10**3, "ns": 1}
 LAYOUTS: Mapping[int, Sequence[str]] = {
     5: [f"{time} {box}" for time in TIMES for box in (CORNERS, SIZED)],
@@ -63,7 +63,11 @@ class _Reading:
 
 
 def read_columns(
-    text: BoxText, span: Span, image_stamps: ImageStamps, columns: str | None = None
+    text: BoxText,
+    span: Span,
+    image_stamps: ImageStamps,
+    columns: str | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> dict[str, list[TimedBox]]:
     """The labels of a box file by object: `object`, or `object_ID` where a column numbers them.
 
@@ -72,9 +76,11 @@ def read_columns(
         span: of the recording, whose clock and frame the labels must fit.
         image_stamps: stamps of the recording's video frames (ns).
         columns: what each column is, as words: `t` (time in s, us or ns), `frame0` or `frame1` (number of a video
-            frame from 0 or 1), `id`, `x1 y1 x2 y2` (opposite corners) or `x y w h` (top-left corner and size, pixels),
-            `-` (passed over). None tries the usual ones: the numbers must lie on the frame and within the recording,
-            and where several readings do, the sizes of one must be twice as steady as the next one's.
+            frame from 0 or 1), `id`, `x1 y1 x2 y2` (opposite corners), `x y w h` (top-left corner and size, pixels) or
+            `cx cy w h` (centre and size), `-` (passed over). None tries the usual ones, of which the last one is none:
+            the numbers must lie on the frame and within the recording, and where several readings do, the sizes of one
+            must be twice as steady as the next one's.
+        tell: called with one line that says which reading was found.
 
     Raises:
         DatasetError: no reading makes sense, or several make the same; `columns` has other words, or does not fit.
@@ -92,6 +98,8 @@ def read_columns(
                     "which: write them as target,stamp_ns,x,y,w,h to a boxes.csv beside it"
                 )
                 raise UnnamedObjectsError(msg)
+    if columns is None and tell is not None:
+        tell(f"{text.path}: read as '{reading.layout}'; if that is wrong, name the columns with --box-columns")
     return {name: list(boxes) for name, boxes in reading.boxes.items()}
 
 
@@ -100,7 +108,7 @@ def _checked_words(columns: str) -> list[str]:
     unknown = [word for word in words if word not in WORDS]
     named = [word for word in words if word != "-"]
     is_whole = sum(word in TIMES for word in words) == 1 and any(
-        set(named) - set(TIMES) - {"id"} == set(box.split()) for box in (CORNERS, SIZED)
+        set(named) - set(TIMES) - {"id"} == set(box.split()) for box in (CORNERS, SIZED, CENTRED)
     )
     if unknown or not is_whole or len(set(named)) < len(named):
         problem = f"has the unknown word {unknown[0]!r}" if unknown else "does not say time and box once each"
@@ -209,7 +217,10 @@ def _whole(text: str) -> int:
 
 def _box(row: Mapping[str, str], line: int) -> Box | None:
     """The box (pixels); None for a point, or two pixels in a row, which say that the object cannot be seen."""
-    if "w" in row:
+    if "cx" in row:
+        cx, cy, w, h = (float(row[word]) for word in CENTRED.split())
+        x, y = cx - w / 2, cy - h / 2
+    elif "w" in row:
         x, y, w, h = (float(row[word]) for word in SIZED.split())
     else:
         x1, y1, x2, y2 = (float(row[word]) for word in CORNERS.split())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -25,7 +25,12 @@ OBJECT_COLUMNS = "t x y w h"
 Boxes = Mapping[str, Sequence[TimedBox]]
 
 
-def labels_of(sequence: FoundSequence, dataset: str, columns: str | None = None) -> tuple[Path, Boxes] | None:
+def labels_of(
+    sequence: FoundSequence,
+    dataset: str,
+    columns: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[Path, Boxes] | None:
     """The recording and each target's labels; None where there are none.
 
     Labels are read from `NAME.boxes.csv` beside the recording or `boxes.csv` in its folder; else, of `eed`, from its
@@ -36,6 +41,7 @@ def labels_of(sequence: FoundSequence, dataset: str, columns: str | None = None)
         sequence: the sequence.
         dataset: the dataset's name.
         columns: what the columns of boundingbox.txt are, see `read_columns`.
+        tell: called with a line that says what they were found to be.
 
     Raises:
         DatasetError: two label files, or labels that do not fit the recording.
@@ -47,7 +53,7 @@ def labels_of(sequence: FoundSequence, dataset: str, columns: str | None = None)
         return _labels_from_csv(csv, sequence)
     if dataset == "eed":
         path = _only(sequence.companions(BOX_TEXT_NAME))
-        return None if path is None else _labels_from_text(path, sequence, columns)
+        return None if path is None else _labels_from_text(path, sequence, columns, tell)
     objects = sequence.object_texts() if dataset == "ecd" else {}
     return _labels_of_objects(objects, sequence) if objects else None
 
@@ -75,14 +81,16 @@ def _labels_from_csv(csv: Path, sequence: FoundSequence) -> tuple[Path, Boxes]:
     raise DatasetError(msg)
 
 
-def _labels_from_text(path: Path, sequence: FoundSequence, columns: str | None) -> tuple[Path, Boxes]:
+def _labels_from_text(
+    path: Path, sequence: FoundSequence, columns: str | None, tell: Callable[[str], None] | None = None
+) -> tuple[Path, Boxes]:
     """All objects of a box file."""
     text = read_box_text(path)
     misfits = []
     for recording in sequence.recordings:
         span = span_of(recording)
         try:
-            boxes = read_columns(text, span, cache(partial(_image_stamps, recording)), columns)
+            boxes = read_columns(text, span, cache(partial(_image_stamps, recording)), columns, tell)
         except UnnamedObjectsError:
             raise
         except DatasetError as err:

@@ -56,13 +56,14 @@ def open_dataset(
     if box_columns is not None and name != "eed":
         msg = f"--box-columns describes eed's boundingbox.txt: leave it out for {name}"
         raise DatasetError(msg)
-    labelled, unlabelled, notices = [], [], []
+    labelled, unlabelled = [], []
+    notices: list[str] = []
     errors: list[EtdError] = []
     for sequence in find_sequences(path):
         if only and sequence.name not in only:
             continue
         try:
-            labels = labels_of(sequence, name, box_columns)
+            labels = labels_of(sequence, name, box_columns, notices.append)
         except UnnamedObjectsError as err:
             notices.append(f"{sequence.name} is passed over: {err}")
             continue

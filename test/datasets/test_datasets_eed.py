@@ -37,6 +37,8 @@ def line(layout, number, box, separator=" "):
         "y1": y,
         "x2": x + w,
         "y2": y + h,
+        "cx": x + w / 2,
+        "cy": y + h / 2,
     }
     return separator.join(str(values[word]) for word in layout.split())
 
@@ -260,9 +262,10 @@ def test_several_objects_without_a_column_that_names_them_are_passed_over_and_na
         file.write(f"\n{lines[0]}\n")
     told = []
     assert [sequence.name for sequence in open_dataset("eed", tmp_path, tell=told.append)] == ["fast_drone"]
-    assert len(told) == 1
-    assert "two_objects is passed over" in told[0]
-    assert "which object is which" in told[0]
+    read_as, passed_over = told
+    assert "fast_drone/boundingbox.txt: read as 't x1 y1 x2 y2'" in read_as
+    assert "two_objects is passed over" in passed_over
+    assert "which object is which" in passed_over
 
 
 def test_a_boxes_csv_takes_the_place_of_boundingbox_txt(tmp_path):
@@ -271,3 +274,17 @@ def test_a_boxes_csv_takes_the_place_of_boundingbox_txt(tmp_path):
     write_csv(folder / "boxes.csv", [("drone", 0, 1, 1, 5, 5), ("drone", 10**8, 1, 1, 5, 5)])
     (sequence,) = open_dataset("eed", tmp_path)
     assert list(sequence.boxes) == ["drone"]
+
+
+def test_centres_are_read_where_they_are_named():
+    lines = [line("t cx cy w h", number, ball(number)) for number in range(FRAMES)]
+    assert read(lines, "t cx cy w h") == expected()
+
+
+def test_the_reading_that_was_found_is_told(tmp_path):
+    path = tmp_path / "boundingbox.txt"
+    path.write_text("\n".join(line("t x y w h", number, ball(number)) for number in range(FRAMES)))
+    said: list[str] = []
+    read_columns(read_box_text(path), SPAN, lambda: STAMPS, None, said.append)
+    read_columns(read_box_text(path), SPAN, lambda: STAMPS, "t x y w h", said.append)
+    assert said == [f"{path}: read as 't x y w h'; if that is wrong, name the columns with --box-columns"]
