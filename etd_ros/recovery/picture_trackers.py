@@ -16,7 +16,7 @@ from etd_ros.recovery.interface import RecoveryError
 from etd_ros.recovery.making import LIBRARIES, missing_libraries, modified_ns
 from etd_ros.recovery.matching import COMPACT_GEOMETRY, SIAMRPN_GEOMETRY, BackgroundMatcher, BackgroundSiamFc, Matcher
 from etd_ros.recovery.siamfc_tracking import PUBLISHED_GEOMETRY, SMALL_GEOMETRY, SiamFcNetwork, SiamFcTracker
-from etd_ros.recovery.siamrpn_tracking import BIG, COMPACT, VOT, Scoring, SiamRpnTracker
+from etd_ros.recovery.siamrpn_tracking import BIG, COMPACT, OTB, VOT, Scoring, SiamRpnTracker
 
 SIAMFC, DASIAMRPN = "siamfc", "dasiamrpn"
 
@@ -104,7 +104,8 @@ def _published(file: str, modified_ns: int) -> tuple[BackgroundMatcher, Scoring]
 
     matcher = BackgroundMatcher(SIAMRPN_GEOMETRY, load)
     matcher.wait()
-    return matcher, BIG if is_big else VOT
+    # The networks of SiamRPNVOT and SiamRPNOTB are of one size: only their names tell them apart.
+    return matcher, BIG if is_big else OTB if "otb" in Path(file).name.lower() else VOT
 
 
 @lru_cache(maxsize=1)

@@ -56,6 +56,7 @@ class Scoring(NamedTuple):
 
 VOT = Scoring(0.04, 0.44, 0.45, 271, 831, 56, 0.85, 0.998)
 """Of the published trackers: SiamRPNVOT's; thresholds and the largest window of their long-term variant."""
+OTB = VOT._replace(penalty=0.22, window_influence=0.40, size_rate=0.30)
 BIG = VOT._replace(penalty=0.055, window_influence=0.42, size_rate=0.295)
 COMPACT = Scoring(0.04, 0.1, 0.45, 128, 416, 32, 0.1, 0.3)
 """Of the compact network: chosen on simulated videos (docs/training.md)."""

@@ -210,6 +210,14 @@ def test_a_published_file_serves_a_tracker_with_all_anchors_on_colour_pictures(m
     assert answers.boxes.shape == (1, 4, 5, 19, 19)
 
 
+def test_the_file_of_the_otb_benchmark_is_known_by_its_name(model, tmp_path):
+    """Its network is as large as VOT's; the scoring is that of the authors' code."""
+    path = tmp_path / "SiamRPNOTB.model"
+    path.write_bytes(model.read_bytes())
+    _, scoring = picture_trackers._published(str(path), path.stat().st_mtime_ns)
+    assert (scoring.size_rate, scoring.window_influence, scoring.penalty) == (0.30, 0.40, 0.22)
+
+
 def test_files_that_are_not_there_are_told_in_one_line(tmp_path):
     with pytest.raises(RecoveryError, match=r"gone\.model: no readable file; set the parameter siamrpn_model"):
         make_siamrpn(RecoveryConfig(siamrpn_model=str(tmp_path / "gone.model")))
