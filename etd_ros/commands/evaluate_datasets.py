@@ -27,6 +27,7 @@ from etd_ros.systems.registry import SYSTEMS
 from etd_ros.systems.running import check_named_models
 
 REPETITIONS_MAX = 1000
+CELL_TIMEOUT_MAX_S = 1_000_000
 ERRORS_SHOWN = 10
 STORE_NAME = "evaluation.sqlite"
 
@@ -53,11 +54,11 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> int:
             print(f"results are kept in {store.path}", file=sys.stderr)
         _work(store, outstanding(store, tasks, retry_errors=bool(options.retry_errors)), len(tasks), workforce)
         results = list(store.results(map(key_of, tasks)))
+        for protocol in protocols:
+            print(f"{protocol}\n{plain(make_table(results, protocol, systems))}")
         if options.output:
             store.export_csv(options.output / "cells.csv", map(key_of, tasks))
             write_comparison(options.output, tasks, results, protocols, systems)
-    for protocol in protocols:
-        print(f"{protocol}\n{plain(make_table(results, protocol, systems))}")
     _print_errors(results)
     return 2 if all(result.error is not None for result in results) else 0
 
@@ -66,8 +67,8 @@ def _check(options: argparse.Namespace) -> None:
     if options.repetitions is not None and not 1 <= options.repetitions <= REPETITIONS_MAX:
         msg = f"--repetitions {options.repetitions} is out of range [1, {REPETITIONS_MAX}]"
         raise EvaluationError(msg)
-    if options.cell_timeout is not None and not options.cell_timeout > 0:
-        msg = f"--cell-timeout {options.cell_timeout:g}: give seconds above 0"
+    if options.cell_timeout is not None and not 0 < options.cell_timeout <= CELL_TIMEOUT_MAX_S:
+        msg = f"--cell-timeout {options.cell_timeout:g} is out of range (0, {CELL_TIMEOUT_MAX_S}] s"
         raise EvaluationError(msg)
 
 

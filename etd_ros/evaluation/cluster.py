@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import re
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing.connection import wait
@@ -14,6 +15,7 @@ from etd_ros.evaluation.cell_run import CellTask, failed_cell
 from etd_ros.evaluation.cells import CellResult
 from etd_ros.evaluation.table import EvaluationError
 
+SCHEDULER = re.compile(r"(\w+://)?[^\s/]+:\d+")
 _idle: queue.LifoQueue[CellProcess] = queue.LifoQueue()
 """On a worker: its processes for cells that have nothing to do, each with the recording that it read last."""
 
@@ -36,6 +38,10 @@ def run_on_cluster(
         EvaluationError: Dask is missing, or the scheduler cannot be reached or has gone.
     """
     client_of, as_completed = _dask()
+    # Dask finds out, too, but then takes a minute to end.
+    if not SCHEDULER.fullmatch(address):
+        msg = f"--scheduler {address}: is no address: give the one that dask scheduler prints, as tcp://10.0.0.7:8786"
+        raise EvaluationError(msg)
     try:
         client = client_of(address, set_as_default=False)
     except (OSError, ValueError) as err:

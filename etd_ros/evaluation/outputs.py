@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from etd_ros.evaluation.cell_run import CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
@@ -20,12 +21,14 @@ def make_folder(folder: Path) -> None:
     """Have a folder to write to, before the work rather than after it.
 
     Raises:
-        OutputError: it cannot be made.
+        OutputError: it cannot be made or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
     except OSError as err:
-        msg = f"{folder}: cannot be made ({err.strerror or err}): name a folder where you may write"
+        msg = f"{folder}: cannot be written to ({err.strerror or err}): name a folder where you may write"
         raise OutputError(msg) from err
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ LINE_STYLES = ("-", "--", ":")
 COLOURS = 10
 STRIP_INCHES = 0.2
 PANEL_INCHES = 9.0, 0.9
+LABEL_ABOVE_PT, LABEL_BELOW_PT = 4, -9
+NAME_DECADES, NAME_AP = 0.25, 0.04
+"""How much of the speed-accuracy plot a system's name covers: powers of ten of events/s, and AP."""
 NOT_SCORED = "0.35"
 """Grey of a strip at labels that are not scored, as those from which a system started again."""
 
@@ -116,10 +120,12 @@ def speed_accuracy_png(table: Table) -> bytes:
     from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
     axes = figure.subplots()
-    for number, (system, entry) in enumerate(table.means.items()):
-        place = table.speeds[system].events_per_s, entry.ap.mean
+    places = {system: (table.speeds[system].events_per_s, entry.ap.mean) for system, entry in table.means.items()}
+    for number, (system, place) in enumerate(places.items()):
         axes.plot(*place, "o", color=f"C{number % COLOURS}")
-        axes.annotate(system, place, xytext=(5, 4), textcoords="offset points", fontsize=8)
+        above = sum(_is_just_above(other, place) for other in places.values())
+        offset = LABEL_ABOVE_PT if above == 0 else LABEL_BELOW_PT * above
+        axes.annotate(system, place, xytext=(5, offset), textcoords="offset points", fontsize=8)
     axes.set(xscale="log", xlabel="events/s in the system's own time", ylabel="mean AP", ylim=(-0.02, 1.02))
     axes.margins(x=0.15)
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -127,6 +133,12 @@ def speed_accuracy_png(table: Table) -> bytes:
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(alpha=0.25, which="both")
     return _png(figure)
+
+
+def _is_just_above(other: tuple[float, float], place: tuple[float, float]) -> bool:
+    """Whether a system's name would lie on that of another one; places as (events/s, AP)."""
+    is_near = abs(math.log10(other[0] / place[0])) < NAME_DECADES and 0 <= other[1] - place[1] < NAME_AP
+    return is_near and other > place if other[1] == place[1] else is_near
 
 
 def overlap_strips_png(by_target: Mapping[str, Mapping[str, CellResult]]) -> bytes:
@@ -143,7 +155,7 @@ def overlap_strips_png(by_target: Mapping[str, Mapping[str, CellResult]]) -> byt
     grid = figure.subplots(len(by_target), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
     for axes, (target, cells) in zip(grid, by_target.items(), strict=True):
         drawn = _draw_strips(axes, cells)
-        axes.set_title(target, fontsize=10, loc="left")
+        axes.set_title(target, fontsize=10, loc="left", parse_math=False)
     grid[-1].set_xlabel("time since the first label scored (s)")
     figure.colorbar(drawn, ax=list(grid), label="overlap", shrink=min(1.0, 2.5 / sum(heights)), pad=0.01)
     return _png(figure)

@@ -21,7 +21,11 @@ LATEX_GAP = 2
 """Between columns, in characters."""
 EVENTS_PER_MEV = 1e6
 SPEED_COLUMNS = ("ms_per_frame", "frames_per_s", "events_per_s")
-LATEX_SPECIAL = {"_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
+LATEX_SPECIAL = {
+    "_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}",
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "|": r"\textbar{}", "<": r"\textless{}", ">": r"\textgreater{}",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +220,7 @@ def _marked(cell: _Cell, best: str, spread: str) -> str:
 
 
 def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
 def _numbers(entry: Entry | None) -> tuple[float | str, ...]:

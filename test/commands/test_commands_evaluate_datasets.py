@@ -149,6 +149,8 @@ def test_a_run_that_is_ended_goes_on_where_it_was(dataset, tmp_path, number, cod
         (("--repetitions", "0"), "--repetitions 0"),
         (("--jobs", "0"), "--jobs 0"),
         (("--cell-timeout", "0"), "--cell-timeout 0"),
+        (("--cell-timeout", "inf"), "--cell-timeout inf is out of range"),
+        (("--cell-timeout", "1e10"), "--cell-timeout 1e+10 is out of range"),
         (("--only", "moon"), "--only moon: no dataset has this sequence: choose of blind, shapes_6dof"),
         (("--set", "moon=1"), "moon"),
         (("--method", "etd"), "--method means nothing with --dataset"),
@@ -182,6 +184,21 @@ def test_a_model_file_that_cannot_be_used_is_refused_before_the_work(dataset, pl
     error = capsys.readouterr().err
     assert "/nowhere/weights.pth" in error
     assert error.count("\n") == 1
+    assert list(place.iterdir()) == []
+
+
+def test_results_may_lie_in_the_recordings_folder(dataset, tmp_path, capsys, monkeypatch):
+    shutil.copytree(dataset / "blind", tmp_path / "blind")
+    monkeypatch.chdir(tmp_path / "blind")
+    for more in (("--output", "results"), ()):
+        for _ in range(2):
+            assert main(["evaluate", "--dataset", "folder", ".", "--systems", "etd-nr", *more]) == 0
+        assert "1 of 1 cells are done already" in capsys.readouterr().err
+
+
+def test_an_output_that_cannot_be_written_to_is_refused_before_the_work(dataset, place, capsys):
+    assert main(arguments(dataset, "--store", "cells.sqlite", "--output", "/proc")) == 2
+    assert "/proc: cannot be written to" in capsys.readouterr().err
     assert list(place.iterdir()) == []
 
 

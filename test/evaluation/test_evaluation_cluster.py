@@ -114,6 +114,12 @@ def test_a_scheduler_that_is_not_there_is_one_line():
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("address", ["foo", "tcp://foo", "tcp://foo:", "foo bar:1", ""])
+def test_what_is_no_address_is_refused(address):
+    with pytest.raises(EvaluationError, match="is no address"):
+        list(run_on_cluster([], address, None))
+
+
 def test_a_scheduler_that_goes_is_one_line(tmp_path, capfd):
     square = write_sequence(tmp_path, "square")
     blocked = blocked_sequence(tmp_path, square)

@@ -103,6 +103,13 @@ def test_curves_are_over_the_sequences_that_any_system_has_a_result_of(results):
     assert plots[0][0].png != plots[1][0].png
 
 
+def test_names_are_drawn_as_they_are(results):
+    """A dollar sign begins a formula in Matplotlib."""
+    chosen = [result for result in results if result.cell.protocol == "one-pass"]
+    odd = [dataclasses.replace(result, cell=dataclasses.replace(result.cell, target="$x_$")) for result in chosen]
+    assert len(list(plots_of(make_table(odd, "one-pass", SYSTEMS), odd))) == 4
+
+
 def with_overlaps(*overlaps: float, answered_ns: int = 0, target: str = "square") -> CellResult:
     cell = Cell("folder", "square", target, "kcf", "one-pass", 0)
     count = len(overlaps)

@@ -181,6 +181,16 @@ def test_html_escapes_names():
     assert '<th colspan="2">&lt;b&gt;&amp;</th>' in table_formats.html(make_table([result], "one-pass", ("kcf",)))
 
 
+def test_special_characters_of_names_are_escaped():
+    name = r"we|ird_~^\name<$>"
+    found = make_table([brought(cell("kcf", ("folder", name)), 0.5, 0.5)], "one-pass", ("kcf",))
+    assert (
+        r"{we\textbar{}ird\_\textasciitilde{}\textasciicircum{}\textbackslash{}name\textless{}\$\textgreater{}}"
+        in table_formats.latex(found)
+    )
+    assert table_formats.markdown(found).startswith(r"| system | we\|ird_~^\name<$> AP | ")
+
+
 def test_plain_tables_are_aligned():
     lines = table_formats.plain(table()).splitlines()
     ends = [[match.end() for match in re.finditer(r"\S+", line)] for line in lines[2:]]
