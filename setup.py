@@ -58,5 +58,5 @@ setup(
     maintainer_email="maintainers@users.noreply.example.org",
     description="Tracks objects in event-camera data and publishes their bounding boxes.",
     license="Apache-2.0",
-    entry_points={"console_scripts": [f"{node} = {PACKAGE}.nodes.{node}:main" for node in NODES]},
+    entry_points={"console_scripts": [f"{node} = {PACKAGE}.nodes.programs:{node}" for node in NODES]},
 )

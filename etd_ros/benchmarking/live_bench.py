@@ -105,7 +105,7 @@ class Process:
         assignments = (word for parameter in parameters for word in ("-p", parameter))
         with log.open("wb") as output:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "etd_ros.nodes.pipeline", "--ros-args", *remaps, *assignments],
+                [sys.executable, "-m", "etd_ros.nodes", "pipeline", "--ros-args", *remaps, *assignments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -243,7 +243,7 @@ class LiveBench:
         deadline_s = time.monotonic() + TIMEOUT_S
         while not condition():
             if time.monotonic() > deadline_s:
-                msg = f"waited {TIMEOUT_S:.0f} s in vain for {what}: see what `python -m etd_ros.nodes.pipeline` says"
+                msg = f"waited {TIMEOUT_S:.0f} s in vain for {what}: see what `python -m etd_ros.nodes pipeline` says"
                 raise BenchmarkError(msg)
             self.spin_once()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
@@ -111,7 +110,3 @@ class Accumulator(EtdNode):
 def main() -> int:
     """Entry point of `ros2 run etd_ros accumulator`."""
     return run_node(Accumulator)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -59,10 +59,10 @@ class Processes:
         self.stop()
 
     def start(self, name: str, arguments: list[str]) -> None:
-        """Start `python -m etd_ros.nodes.<name>`."""
+        """Start `python -m etd_ros.nodes NAME`."""
         with (self._log_folder / f"{name}.log").open("wb") as log:
             self._children[name] = subprocess.Popen(
-                [sys.executable, "-m", f"etd_ros.nodes.{name}", *arguments],
+                [sys.executable, "-m", "etd_ros.nodes", name, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -205,7 +204,3 @@ class Pipeline(EtdNode):
 def main() -> int:
     """Entry point of `ros2 run etd_ros pipeline`."""
     return run_node(Pipeline)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

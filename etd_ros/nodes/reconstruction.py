@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 from dataclasses import dataclass
 
@@ -139,7 +138,3 @@ class Reconstruction(EtdNode):
 def main() -> int:
     """Entry point of `ros2 run etd_ros reconstruction`."""
     return run_node(Reconstruction)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

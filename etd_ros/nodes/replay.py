@@ -228,7 +228,3 @@ def main() -> int:
     except EtdError as err:
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
         return 2
-
-
-if __name__ == "__main__":
-    sys.exit(main())

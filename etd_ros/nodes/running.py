@@ -5,30 +5,39 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
+from types import FrameType, TracebackType
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
-from rclpy.signals import SignalHandlerOptions
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.programs import LEAVE
 from etd_ros.nodes.ros_errors import ros_refusals
 
 THREAD_SWITCH_S = 0.0005
 """How long a thread may hold the others up (s): Python's 5 ms would be most of a box's latency."""
 
+COMPILER = "llvmlite"
+AGAIN_S, AGAIN_SOON_S = 0.2, 0.005
 
-def start_ros(arguments: list[str] | None) -> None:
+
+def start_ros(arguments: list[str] | None, signals: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
     """Start ROS; what stands after --ros-args is checked here.
+
+    Args:
+        arguments: the program's.
+        signals: those that ROS shall hear.
 
     Raises:
         RosError: an argument that ROS does not understand, such as a parameter file that is missing, or security that
             is asked for and cannot be had.
     """
     with ros_refusals():
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.ALL)
+        rclpy.init(args=arguments, signal_handler_options=signals)
 
 
 def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
@@ -36,9 +45,12 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     node = executor = None
     sys.setswitchinterval(THREAD_SWITCH_S)
     try:
-        start_ros(arguments)
-        node = make()
-        node.start()
+        with _Beginning() as beginning:
+            start_ros(arguments, SignalHandlerOptions.NO)
+            node = make()
+            beginning.made()
+            node.start()
+        install_signal_handlers(SignalHandlerOptions.ALL)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         node.finished.add_done_callback(lambda _: executor.wake())
@@ -57,14 +69,65 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         get_logger("etd_ros").debug(f"told to leave, while: {err!r}")
         return 0
     finally:
-        # Whoever asks twice must not keep the node from leaving in order.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        # It holds on to what it waits for, and with that to shared memory.
-        if executor is not None:
-            executor.shutdown()
-        if node is not None:
-            node.stop()
-            node.destroy_node()
-        rclpy.try_shutdown()
+        _let_go(node, executor)
     return 0
+
+
+class _Beginning:
+    """What signals do until a node spins, which is when ROS begins to hear them.
+
+    While it is being made they are remembered: half a node could not be let go. From then on they raise
+    KeyboardInterrupt, again and again: one would be lost where libraries swallow it, and the node go on compiling.
+    """
+
+    def __init__(self) -> None:
+        self._has_node = self._is_told = False
+
+    def __enter__(self) -> _Beginning:
+        self._before = {number: signal.signal(number, self._hear) for number in (*LEAVE, signal.SIGALRM)}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def made(self) -> None:
+        """From now on there is a node to let go."""
+        self._has_node = True
+        if self._is_told:
+            raise KeyboardInterrupt
+
+    def _hear(self, _: int, frame: FrameType | None) -> None:
+        self._is_told = True
+        if not self._has_node:
+            return
+        if _is_called_by_compiler(frame):
+            signal.setitimer(signal.ITIMER_REAL, AGAIN_SOON_S)
+            return
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+        raise KeyboardInterrupt
+
+
+def _is_called_by_compiler(frame: FrameType | None) -> bool:
+    """Whether an exception would go to compiled code, which prints it and goes on."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").startswith(COMPILER):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _let_go(node: EtdNode | None, executor: SingleThreadedExecutor | None) -> None:
+    # Whoever asks twice must not keep the node from leaving in order.
+    for number in LEAVE:
+        signal.signal(number, signal.SIG_IGN)
+    # It holds on to what it waits for, and with that to shared memory.
+    if executor is not None:
+        executor.shutdown()
+    if node is not None:
+        node.stop()
+        node.destroy_node()
+    rclpy.try_shutdown()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections import OrderedDict, deque
 from dataclasses import dataclass
@@ -203,7 +202,3 @@ class Tracker(EtdNode):
 def main() -> int:
     """Entry point of `ros2 run etd_ros tracker`."""
     return run_node(Tracker)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

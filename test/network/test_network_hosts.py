@@ -87,7 +87,7 @@ class Machines:
         self.hosts.compute.start("listener", command, self._environment, self._log("listener"))
 
     def _node(self, host: Host, name: str, *arguments: str, ros: tuple[str, ...]) -> None:
-        command = [sys.executable, "-m", f"etd_ros.nodes.{name}", *arguments]
+        command = [sys.executable, "-m", "etd_ros.nodes", name, *arguments]
         # These tests are of the network: nodes that a busy machine makes late are to drop nothing.
         patience = () if name == "replay" else ("-p", "queue_s:=3600.0")
         ros_arguments = ["--ros-args", "-r", f"__ns:=/{CAMERA}", *patience, *ros]

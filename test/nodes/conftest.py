@@ -50,12 +50,12 @@ class Bench:
         self.listen("/diagnostics", DiagnosticArray, self._take_diagnostics)
 
     def start(self, name: str, *arguments: str, ros: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-        """Start `python -m etd_ros.nodes.<name>`; a node is patient on a busy machine, unless `ros` says otherwise."""
+        """Start `python -m etd_ros.nodes NAME`; a node is patient on a busy machine, unless `ros` says otherwise."""
         ros = ros if name == "replay" else (*PATIENT, *ros)
         environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "PYTHONUNBUFFERED": "1"}
         with (self._folder / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", f"etd_ros.nodes.{name}", *arguments, *(("--ros-args", *ros) if ros else ())],
+                [sys.executable, "-m", "etd_ros.nodes", name, *arguments, *(("--ros-args", *ros) if ros else ())],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

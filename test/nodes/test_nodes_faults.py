@@ -40,11 +40,24 @@ def test_a_node_leaves_quietly_when_told_to(bench, name, by):
     assert "Traceback" not in bench.log(name)
 
 
+@pytest.mark.parametrize("library", ["numpy", "rclpy", "torch"])
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_leaves_quietly_while_it_loads_its_libraries(bench, library, by):
+    """numpy and rclpy before there is a node, torch beside its start, in a thread."""
+    process = bench.start("pipeline")
+    maps = Path(f"/proc/{process.pid}/maps")
+    bench.wait_until(lambda: f"/{library}/" in maps.read_text(), f"{library} is being loaded")
+    assert bench.end("pipeline", by) == 0
+    assert "Traceback" not in bench.log("pipeline")
+    assert "exception" not in bench.log("pipeline")
+
+
 @pytest.mark.parametrize("by", ["SIGINT", "SIGTERM"])
 def test_a_node_that_is_told_to_leave_while_it_publishes_leaves_quietly(by):
     program = f"""
-import signal, sys, time
+import signal, time
 from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.programs import run
 from etd_ros.nodes.running import run_node
 
 class Publishing(EtdNode):
@@ -54,7 +67,7 @@ class Publishing(EtdNode):
             time.sleep(0.001)
         return {{}}
 
-sys.exit(run_node(lambda: Publishing("publishing", (), NodeOptions)))
+run(lambda: run_node(lambda: Publishing("publishing", (), NodeOptions)))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")

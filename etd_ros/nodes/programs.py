@@ -1,0 +1,57 @@
+"""The nodes as programs, from the first moment of a process to its last: what `ros2 run etd_ros NAME` starts.
+
+A node that is told to leave does so at once, also while its libraries are still being loaded. So nothing is imported
+here that takes time.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from typing import NoReturn
+
+NODES = ("accumulator", "pipeline", "reconstruction", "replay", "tracker")
+LEAVE = (signal.SIGINT, signal.SIGTERM)
+
+
+def start(name: str) -> NoReturn:
+    """Run the node of a name until it is told to leave; the process ends with its exit code."""
+    with _leaving_at_once():
+        node = import_module(f"etd_ros.nodes.{name}")
+    run(node.main)
+
+
+def run(main: Callable[[], int]) -> NoReturn:
+    """Run a node, and end the process with its exit code."""
+    if code := main():
+        sys.exit(code)
+    # What the node has let go may still be held by cycles, and that holds shared memory.
+    gc.collect()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    # Python's own end would wait for what threads are still importing: torch, which takes seconds where a node is told
+    # to leave soon after its start.
+    os._exit(0)
+
+
+@contextmanager
+def _leaving_at_once() -> Iterator[None]:
+    """There is nothing to be let go yet. Who has signals ignored, as a shell has for what runs in its background, goes
+    on ignoring them."""
+    heard = {number: signal.getsignal(number) for number in LEAVE if signal.getsignal(number) is not signal.SIG_IGN}
+    for number in heard:
+        signal.signal(number, lambda *_: os._exit(0))
+    try:
+        yield
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+
+
+accumulator, pipeline, reconstruction, replay, tracker = (partial(start, name) for name in NODES)
