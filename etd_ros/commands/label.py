@@ -52,10 +52,10 @@ def run(options: argparse.Namespace) -> int:
         session = LabelSession(pictures.stamps, pictures.width, pictures.height, options.output)
         title = options.recording.resolve().name
         server = stack.enter_context(closing(LabelServer(session, pictures, title=title, port=options.port)))
-        print(f"{len(pictures)} {pictures.kind} pictures of {title}: {server.url} (Ctrl-C ends)", flush=True)
-        if not options.no_browser:
-            webbrowser.open(stack.enter_context(_way_to(server.url)))
         try:
+            print(f"{len(pictures)} {pictures.kind} pictures of {title}: {server.url} (Ctrl-C ends)", flush=True)
+            if not options.no_browser:
+                webbrowser.open(stack.enter_context(_way_to(server.url)))
             server.serve()
         except KeyboardInterrupt:
             print()

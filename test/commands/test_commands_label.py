@@ -116,7 +116,7 @@ def test_the_browser_is_led_to_the_page_by_a_file_that_only_the_user_can_read(ca
         raise KeyboardInterrupt
 
     monkeypatch.setattr("webbrowser.open", opened)
-    assert main(["label", str(bag), "--output", "boxes.csv", "--rate", "100"]) == 130
+    assert main(["label", str(bag), "--output", "boxes.csv", "--rate", "100"]) == 0
     address = re.search(r"http://\S+", capsys.readouterr().out)[0]
     assert f"url={address}" in seen["page"]
     assert seen["mode"] == 0o600
