@@ -16,6 +16,7 @@ from etd_ros.datasets import LabelledSequence, find_sequences, open_dataset
 from etd_ros.evaluation import EvaluationError
 from etd_ros.evaluation.cell_run import PROTOCOL_NAMES, CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
+from etd_ros.evaluation.cluster import check_address
 from etd_ros.evaluation.matrix import REPETITIONS, Workforce, cell_tasks, fill_store, key_of, outstanding
 from etd_ros.evaluation.outputs import make_folder, write_comparison
 from etd_ros.evaluation.store import Store
@@ -70,6 +71,8 @@ def _check(options: argparse.Namespace) -> None:
     if options.cell_timeout is not None and not 0 < options.cell_timeout <= CELL_TIMEOUT_MAX_S:
         msg = f"--cell-timeout {options.cell_timeout:g} is out of range (0, {CELL_TIMEOUT_MAX_S}] s"
         raise EvaluationError(msg)
+    if options.scheduler is not None:
+        check_address(options.scheduler)
 
 
 def _protocols(name: str | None) -> tuple[ProtocolName, ...]:

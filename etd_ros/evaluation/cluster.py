@@ -38,10 +38,7 @@ def run_on_cluster(
         EvaluationError: Dask is missing, or the scheduler cannot be reached or has gone.
     """
     client_of, as_completed = _dask()
-    # Dask finds out, too, but then takes a minute to end.
-    if not SCHEDULER.fullmatch(address):
-        msg = f"--scheduler {address}: is no address: give the one that dask scheduler prints, as tcp://10.0.0.7:8786"
-        raise EvaluationError(msg)
+    check_address(address)
     try:
         client = client_of(address, set_as_default=False)
     except (OSError, ValueError) as err:
@@ -52,6 +49,17 @@ def run_on_cluster(
         for future in as_completed(of_future, loop=client.loop):
             # A future that nobody holds lets the cluster forget its result.
             yield _result(future, of_future.pop(future), address)
+
+
+def check_address(address: str) -> None:
+    """Refuse what can be no scheduler's address. Dask finds out, too, but then takes a minute to end.
+
+    Raises:
+        EvaluationError: it is none.
+    """
+    if not SCHEDULER.fullmatch(address):
+        msg = f"--scheduler {address}: is no address: give the one that dask scheduler prints, as tcp://10.0.0.7:8786"
+        raise EvaluationError(msg)
 
 
 @contextmanager

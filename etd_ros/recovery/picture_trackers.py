@@ -37,8 +37,15 @@ def make_siamrpn(config: RecoveryConfig) -> Callable[[], SiamRpnTracker]:
     """A maker of trackers that share one network: DaSiamRPN's where `siamrpn_model` names it, else the compact one.
 
     Raises:
-        RecoveryError: torch or safetensors are missing or broken, or the file named is not one of its weights.
+        RecoveryError: torch or safetensors are missing or broken, the file named is not one of its weights, or it is
+            named by the parameter of OpenCV's tracker of the same name, which is not chosen.
     """
+    if config.dasiamrpn_model and not config.siamrpn_model and config.tracker != DASIAMRPN:
+        msg = (
+            f"dasiamrpn_model {config.dasiamrpn_model} is for OpenCV's recovery tracker {DASIAMRPN!r}: name weights "
+            f"of the compared system {DASIAMRPN!r} with siamrpn_model"
+        )
+        raise RecoveryError(msg)
     if file := config.siamrpn_model:
         with _libraries(DASIAMRPN):
             published, scoring = _published(file, modified_ns(file))
@@ -105,7 +112,7 @@ def _published(file: str, modified_ns: int) -> tuple[BackgroundMatcher, Scoring]
     matcher = BackgroundMatcher(SIAMRPN_GEOMETRY, load)
     matcher.wait()
     # The networks of SiamRPNVOT and SiamRPNOTB are of one size: only their names tell them apart.
-    return matcher, BIG if is_big else OTB if "otb" in Path(file).name.lower() else VOT
+    return matcher, BIG if is_big else OTB if "siamrpnotb" in Path(file).name.lower() else VOT
 
 
 @lru_cache(maxsize=1)

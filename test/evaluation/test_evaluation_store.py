@@ -210,9 +210,15 @@ def test_the_fingerprint_follows_sources_and_libraries(monkeypatch, part):
     assert fingerprint("", labels, settings_from_mapping({})) != before
 
 
-def test_a_folders_fingerprint_follows_each_of_its_files(tmp_path):
-    (tmp_path / "images").mkdir()
+@pytest.mark.parametrize("folder", ["images", "pics"])
+@pytest.mark.parametrize("recording", [".", "events.txt"])
+def test_a_text_recordings_fingerprint_follows_its_video_frames(tmp_path, recording, folder):
+    (tmp_path / folder).mkdir()
     (tmp_path / "events.txt").write_text("0 1 1 1\n")
-    first = recording_state(tmp_path, None)
-    (tmp_path / "images" / "frame.png").write_bytes(b"picture")
-    assert recording_state(tmp_path, None) != first
+    states = [recording_state(tmp_path / recording, None)]
+    (tmp_path / "images.txt").write_text(f"0.1 {folder}/frame.png\n\nnothing\n")
+    states.append(recording_state(tmp_path / recording, None))
+    for picture in (b"picture", b"another"):
+        (tmp_path / folder / "frame.png").write_bytes(picture)
+        states.append(recording_state(tmp_path / recording, None))
+    assert len(set(states)) == 4
