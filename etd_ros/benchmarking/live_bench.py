@@ -18,15 +18,15 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.subscription import Subscription
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.benchmarking.live_load import NS_PER_S, LoadGenerator, Place, Play, Played, ros_node
+from etd_ros.benchmarking.live_load import NS_PER_S, LoadGenerator, Place, Play, Played
 from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, TURN_US, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.boxes import Box
 from etd_ros.nodes.connections import FRAME_QOS, LISTENER_QOS
+from etd_ros.nodes.own_context import Subscription, node_in_own_context
 from msg_adapters import Detection, decode_detections, decode_diagnostics, encode_detections
 
 NODE = "pipeline"
@@ -161,7 +161,7 @@ class LiveBench:
     def __init__(self, place: Place, folder: Path) -> None:
         self.place = place
         self._folder = folder
-        self._ros = ros_node("live_bench", place)
+        self._ros = node_in_own_context("live_bench", place.domain, place.namespace)
         self._process: Process | None = None
         self._boxes: list[tuple[int, bytes]] = []
         self._reader: Subscription | None = None

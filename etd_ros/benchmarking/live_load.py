@@ -10,7 +10,6 @@ import signal
 import struct
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from multiprocessing.connection import Connection
@@ -19,17 +18,13 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-import rclpy
 from event_camera_msgs.msg import EventPacket
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.benchmarking.live_packets import Packets
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, LiveScene
 from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.own_context import node_in_own_context
 from msg_adapters import Detection, encode_detections
 
 NS_PER_S = 1_000_000_000
@@ -192,27 +187,11 @@ class Echo(Child):
         super().__init__(_echo, place)
 
 
-@contextmanager
-def ros_node(name: str, place: Place) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """A node in a context of its own, and its executor."""
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=place.domain, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node(name, context=context, namespace=place.namespace)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        yield node, executor
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        context.try_shutdown()
-
-
 def _generate(pipe: Connection, width: int, height: int, place: Place) -> None:
     """Prepare and play until the other end closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     scene, seq, packets = LiveScene(width, height), 0, None
-    with ros_node("live_load", place) as (node, _):
+    with node_in_own_context("live_load", place.domain, place.namespace) as (node, _):
         publisher = node.create_publisher(EventPacket, place.events, EVENT_QOS)
         for order in _orders(pipe):
             if isinstance(order, Prepare):
@@ -221,7 +200,7 @@ def _generate(pipe: Connection, width: int, height: int, place: Place) -> None:
                 packets = Packets(scene, order.rate, order.messages_per_s)
                 pipe.send(len(packets))
             elif isinstance(order, Play) and packets is not None:
-                played = _play(order, packets, publisher, seq, pipe)
+                played = _play(order, packets, publisher.publish, seq, pipe)
                 seq += len(played.published_ns)
                 pipe.send(played)
             elif order is Order.COUNT_SUBSCRIBERS:
@@ -236,7 +215,7 @@ def _orders(pipe: Connection) -> Iterator[Prepare | Play | Order]:
             return
 
 
-def _play(play: Play, packets: Packets, publisher: Publisher, seq: int, pipe: Connection) -> Played:
+def _play(play: Play, packets: Packets, publish: Callable[[bytes], None], seq: int, pipe: Connection) -> Played:
     period_ns = packets.duration_us * NS_PER_US
     count = round(play.duration_s * NS_PER_S / period_ns)
     published_ns = np.zeros(count, np.int64)
@@ -246,7 +225,7 @@ def _play(play: Play, packets: Packets, publisher: Publisher, seq: int, pipe: Co
         due_ns = first_due_ns + number * period_ns
         time.sleep(max(0, due_ns - time.monotonic_ns()) / NS_PER_S)
         published_ns[number] = time.monotonic_ns()
-        publisher.publish(message)
+        publish(message)
         if pipe.poll():
             count = number + 1
             break
@@ -256,7 +235,7 @@ def _play(play: Play, packets: Packets, publisher: Publisher, seq: int, pipe: Co
 def _echo(pipe: Connection, place: Place) -> None:
     """Echo until the other end closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with ros_node("live_echo", place) as (node, executor):
+    with node_in_own_context("live_echo", place.domain, place.namespace) as (node, executor):
         publisher = node.create_publisher(Detection2DArray, place.echo, FRAME_QOS)
         boxes = [Detection(TARGET, LiveScene(240, 180).box(0), 1.0, TARGET)]
 
