@@ -24,6 +24,7 @@ from etd_ros.errors import EtdError
 from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read_tracks, score
 from etd_ros.nodes.interface_definitions import interface_definitions
 from etd_ros.nodes.monitor import EVENTS, Monitor
+from etd_ros.nodes.programs import LEAVE, handled
 from etd_ros.nodes.recorded_tracks import FRAMES, recorded_tracks
 from etd_ros.recordings import open_recording
 from etd_ros.recordings.bag_writer import BagWriter
@@ -86,7 +87,8 @@ class Processes:
 
     def stop(self) -> None:
         """Interrupt every child, wait, and kill what does not leave."""
-        with _uninterrupted():
+        # A second Ctrl-C must not keep the first from ending every child.
+        with handled(LEAVE, signal.SIG_IGN):
             for child in self._children.values():
                 if child.poll() is None:
                     child.send_signal(signal.SIGINT)
@@ -97,17 +99,6 @@ class Processes:
                 except subprocess.TimeoutExpired:
                     child.kill()
                     child.wait()
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """A second Ctrl-C must not keep the first from ending every child."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def run(recording: Path, truth: Path, output: Path, rate: float) -> int:
@@ -133,7 +124,7 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
     _use_own_domain()
     with ExitStack() as stack:
         # Both, for a shell that starts a command in the background has it ignore Ctrl-C.
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in LEAVE:
             signal.signal(number, _interrupt)
         processes = stack.enter_context(Processes(output / "logs"))
         recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))

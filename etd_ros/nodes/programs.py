@@ -10,14 +10,17 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from importlib import import_module
+from types import FrameType
 from typing import NoReturn
 
 NODES = ("accumulator", "pipeline", "reconstruction", "replay", "tracker")
 LEAVE = (signal.SIGINT, signal.SIGTERM)
+
+Handler = Callable[[int, "FrameType | None"], object] | signal.Handlers
 
 
 def start(name: str) -> NoReturn:
@@ -40,18 +43,22 @@ def run(main: Callable[[], int]) -> NoReturn:
     os._exit(0)
 
 
-@contextmanager
-def _leaving_at_once() -> Iterator[None]:
+def _leaving_at_once() -> AbstractContextManager[None]:
     """There is nothing to be let go yet. Who has signals ignored, as a shell has for what runs in its background, goes
     on ignoring them."""
-    heard = {number: signal.getsignal(number) for number in LEAVE if signal.getsignal(number) is not signal.SIG_IGN}
-    for number in heard:
-        signal.signal(number, lambda *_: os._exit(0))
+    heard = [number for number in LEAVE if signal.getsignal(number) is not signal.SIG_IGN]
+    return handled(heard, lambda *_: os._exit(0))
+
+
+@contextmanager
+def handled(numbers: Iterable[signal.Signals], handler: Handler) -> Iterator[None]:
+    """Signals have this handler for the length of a `with` block."""
+    before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in heard.items():
-            signal.signal(number, handler)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
 
 
 accumulator, pipeline, reconstruction, replay, tracker = (partial(start, name) for name in NODES)

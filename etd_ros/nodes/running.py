@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
-from types import FrameType, TracebackType
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -15,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
-from etd_ros.nodes.programs import LEAVE
+from etd_ros.nodes.programs import LEAVE, handled
 from etd_ros.nodes.ros_errors import ros_refusals
 
 THREAD_SWITCH_S = 0.0005
@@ -45,7 +46,7 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     node = executor = None
     sys.setswitchinterval(THREAD_SWITCH_S)
     try:
-        with _Beginning() as beginning:
+        with _beginning() as beginning:
             start_ros(arguments, SignalHandlerOptions.NO)
             node = make()
             beginning.made()
@@ -73,6 +74,17 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     return 0
 
 
+@contextmanager
+def _beginning() -> Iterator[_Beginning]:
+    """For as long as a node is made and started."""
+    beginning = _Beginning()
+    with handled((*LEAVE, signal.SIGALRM), beginning.hear):
+        try:
+            yield beginning
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
 class _Beginning:
     """What signals do until a node spins, which is when ROS begins to hear them.
 
@@ -83,24 +95,13 @@ class _Beginning:
     def __init__(self) -> None:
         self._has_node = self._is_told = False
 
-    def __enter__(self) -> _Beginning:
-        self._before = {number: signal.signal(number, self._hear) for number in (*LEAVE, signal.SIGALRM)}
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
     def made(self) -> None:
         """From now on there is a node to let go."""
         self._has_node = True
         if self._is_told:
             raise KeyboardInterrupt
 
-    def _hear(self, _: int, frame: FrameType | None) -> None:
+    def hear(self, _: int, frame: FrameType | None) -> None:
         self._is_told = True
         if not self._has_node:
             return
