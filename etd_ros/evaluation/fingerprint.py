@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 
 from etd_ros.evaluation.truth import TimedBox
+from etd_ros.recordings.ecd import IMAGE_LIST, image_lines
 from etd_ros.settings import Settings
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -23,7 +24,6 @@ it stands still during development."""
 SCORED_BY = ("cell_run.py", "protocol.py", "scoring.py")
 LIBRARIES = ("numba", "numpy", "rosbags", "safetensors", "scipy", "torch")
 """Other versions may bring other boxes; OpenCV says its own, since it is distributed under several names."""
-IMAGE_LIST = "images.txt"
 TEXT_SUFFIX = ".txt"
 READ = ("events.txt", "metadata.yaml", "*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
 """What there may be in a recording's folder, in patterns: the text format's beside its pictures, and a ROS 2 bag's."""
@@ -58,19 +58,15 @@ def recording_state(path: Path, topic: str | None) -> str:
 
 def recording_files(path: Path) -> list[Path]:
     """What is read of a recording. Labels and results may lie in its folder, too."""
-    folder = path if path.is_dir() else path.parent
-    found = {file for pattern in READ for file in path.glob(pattern)} if path.is_dir() else {path}
-    if path.is_dir() or path.suffix == TEXT_SUFFIX:
-        found |= {folder / IMAGE_LIST, *_listed_images(folder / IMAGE_LIST)}
-    return sorted(file for file in found if file.is_file())
-
-
-def _listed_images(text: Path) -> Iterator[Path]:
-    """The video frames of the text format. A line that is not `t file` is the reader's to refuse."""
-    lines = text.read_text(encoding="utf-8", errors="replace").splitlines() if text.is_file() else []
-    for fields in map(str.split, lines):
-        if len(fields) == 2:
-            yield text.parent / fields[1]
+    if path.is_dir():
+        found, images = {file for pattern in READ for file in path.glob(pattern)}, path / IMAGE_LIST
+    elif path.suffix == TEXT_SUFFIX:
+        found, images = {path}, path.with_name(IMAGE_LIST)
+    else:
+        return [path]
+    # A line that is not `t file` is the reader's to refuse.
+    frames = (images.parent / fields[-1] for _, fields in image_lines(images))
+    return sorted(file for file in (*found, images, *frames) if file.is_file())
 
 
 @cache

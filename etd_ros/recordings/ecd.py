@@ -24,6 +24,7 @@ from etd_ros.recordings.interface import (
 from msg_adapters import EventMessage
 
 DAVIS240_SIZE = (240, 180)
+IMAGE_LIST = "images.txt"
 CHUNK_BYTES = 1 << 18
 LINE_BYTES_MIN = len("0 0 0 0\n")
 ENCODING = "text"
@@ -49,7 +50,7 @@ class EcdRecording(Recording):
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
         self.path = path
         self._text = path / "events.txt" if path.is_dir() else path
-        self._index = self._text.with_name("images.txt")
+        self._index = self._text.with_name(IMAGE_LIST)
         with self._text.open("rb") as file:
             first = file.readline(CHUNK_BYTES)
         if not first.strip():
@@ -60,7 +61,7 @@ class EcdRecording(Recording):
         image = next(self.images(), None)
         self.width, self.height = size or header or (image.data.shape[1::-1] if image else DAVIS240_SIZE)
         check_sensor_size(self.width, self.height)
-        images = (TopicInfo("images", "images.txt"),) if image else ()
+        images = (TopicInfo("images", IMAGE_LIST),) if image else ()
         self.topics = (TopicInfo("events", "events.txt", encoding=ENCODING), *images)
 
     def packets(self) -> Iterator[EventMessage]:
@@ -78,20 +79,14 @@ class EcdRecording(Recording):
             yield from self._parse(rest + b"\n", line)
 
     def images(self) -> Iterator[RecordedImage]:
-        if not self._index.is_file():
-            return
-        with self._index.open(encoding="utf-8", errors="replace") as file:
-            for number, line in enumerate(file, 1):
-                fields = line.split()
-                if not fields:
-                    continue
-                try:
-                    stamp, name = fields
-                    stamp_ns = _nanoseconds(stamp)
-                except ValueError as err:
-                    msg = f"{self._index}: line {number} is not `t file`, t in seconds: mend or remove it"
-                    raise RecordingError(msg) from err
-                yield RecordedImage(stamp_ns, FRAME_ID, self._read_image(name))
+        for number, fields in image_lines(self._index):
+            try:
+                stamp, name = fields
+                stamp_ns = _nanoseconds(stamp)
+            except ValueError as err:
+                msg = f"{self._index}: line {number} is not `t file`, t in seconds: mend or remove it"
+                raise RecordingError(msg) from err
+            yield RecordedImage(stamp_ns, FRAME_ID, self._read_image(name))
 
     def _read_image(self, name: str) -> npt.NDArray[np.generic]:
         file = self._index.parent / name
@@ -122,6 +117,13 @@ class EcdRecording(Recording):
             raise RecordingError(msg)
         if count:
             yield from file_packets(events, ENCODING)
+
+
+def image_lines(index: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number, from 1, and words of each line of an images.txt that is not blank; none where there is no such file."""
+    if index.is_file():
+        with index.open(encoding="utf-8", errors="replace") as file:
+            yield from ((number, fields) for number, line in enumerate(file, 1) if (fields := line.split()))
 
 
 def _is_readable_image(file: Path) -> bool:
