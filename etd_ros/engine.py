@@ -362,7 +362,7 @@ def _steps(
                 for start in starts:
                     _begin(tracker, start)
         if part.frame is not None:
-            reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image)
+            reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image, part.frame.start_ns)
             regions.boxes = tracker.search_regions()
             yield Step(part.frame, part.image, reports, tuple(tracker.take_notices()))
 

@@ -31,6 +31,9 @@ PARTS_AHEAD = 2
 LONGER_FRAMES = ((0.1, 0.004), (0.05, 0.002), (0.0, 0.0))
 """When a message has taken this share of what `queue_s` allows, the next frames last at least so long (s): fewer of
 them rather than lost ones."""
+IMAGES_SHARE = 0.1
+"""A message that is this late is left out of the images, whose making takes as long as all the rest: they only serve to
+find what is lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ class Pipeline(EtdNode):
             lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions, method.image_interval_s)
         )
         self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
+        self._events_not_imaged = 0
         self._figures = FrameFigures(nzge_interval(method.conversion, self.settings))
         self._tracker: MultiTracker | None = None
         self._tracker_shape = (0, 0)
@@ -124,6 +128,7 @@ class Pipeline(EtdNode):
             **super().diagnostics(),
             **self._input.diagnostics(),
             **self._figures.diagnostics(),
+            "events left out of images": self._events_not_imaged,
             "targets": len(self._targets),
             **self._output.diagnostics(),
         }
@@ -157,16 +162,23 @@ class Pipeline(EtdNode):
     def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
         origin = Origin(message.frame_id, received_s)
         source = self._frame_sources.at(batch)
+        is_imaged = self._method.recovers and self._has_time_for_image(batch, received_s)
         for part in source.parts(batch):
             if part.frame is not None:
                 self._figures.note(part.frame)
-            self._hand_over(part, origin)
+            self._hand_over(part, origin, is_imaged)
             late_s = time.monotonic() - received_s
             source.last_at_least(next(s for share, s in LONGER_FRAMES if late_s >= share * self.options.queue_s))
 
-    def _hand_over(self, part: Part, origin: Origin) -> None:
+    def _has_time_for_image(self, batch: StreamBatch, received_s: float) -> bool:
+        # What starts a stream has to reach the images: those of the last one are not to be gone on with.
+        has_time = time.monotonic() - received_s < IMAGES_SHARE * self.options.queue_s or batch.restart is not None
+        self._events_not_imaged += 0 if has_time else len(batch.events)
+        return has_time
+
+    def _hand_over(self, part: Part, origin: Origin, is_imaged: bool) -> None:
         frame, image = part.frame, None
-        if self._method.recovers:
+        if is_imaged:
             image = PendingImage() if frame is not None and part.has_image else None
             self._imaging.submit(lambda: self._reconstruct(part, image))
         if frame is not None:
@@ -190,7 +202,7 @@ class Pipeline(EtdNode):
             self._tracker_shape = shape
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
         self._targets.start_new(self._tracker)
-        reports = self._tracker.update(frame.stamp_ns, frame.data, image)
+        reports = self._tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
         regions = self._regions.boxes = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)
         if self._frames.get_subscription_count():

@@ -1,4 +1,5 @@
-"""Looks for the contours of a target that is lost: where its motion would have brought it, and where it was."""
+"""Looks for the contours of a target that is lost: where its motion would have brought it, where it was, and where
+something like it was seen since."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.tracking.contour_kernels import SUMS, Float64Array
-from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours, Look
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import UsualLooks
 
@@ -23,6 +24,8 @@ COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
 STEP_PX = 3.0
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
+GROWTH_SHARE = 0.5
+"""The region grows by at least so much of the target's usual speed: it may have turned."""
 SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
 """How often contours are searched, and how soon again once they may be found: a search takes as long as ten looks, and
 many targets may be lost at once."""
@@ -59,6 +62,18 @@ class _Seen:
 
     def predicted(self, stamp_ns: int) -> Float64Array:
         return np.array([self.x, self.y]) + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a lost target may be: the middle (pixels), its velocity there (pixels/s), for how long it has not been seen
+    there (s), and whether it would be there if it had moved on as it did."""
+
+    x: float
+    y: float
+    velocity: Float64Array
+    unseen_s: float
+    is_expected: bool = False
 
 
 class ContourSearch:
@@ -98,7 +113,9 @@ class ContourSearch:
         self._usual_speed_px_s = usual_speed_px_s
         self._has_left = has_left
         self._begun_ns = self._searched_ns = stamp_ns
-        self._is_at_failure = False
+        self._turn = 0
+        self._place: _Place
+        self._glimpse: _Seen | None = None
         self._wanted = CONFIDENCE_FOUND
         self._path: list[_Seen] = []
         self.is_unsettled = False
@@ -107,6 +124,10 @@ class ContourSearch:
     def since_s(self) -> float:
         """How long the search has lasted."""
         return (self._surface.stamp_ns - self._begun_ns) * 1e-9
+
+    def wait(self) -> None:
+        """Frames were missing: what has come since is too little for a look, and would end a candidate."""
+        self._searched_ns = self._surface.stamp_ns
 
     def coast(self) -> None:
         """Move the pose on with the last velocity, for a while and not beyond the sensor."""
@@ -117,6 +138,13 @@ class ContourSearch:
         contours.velocity[:] = self._before.velocity
         contours.stamp_ns = surface.stamp_ns
 
+    def keep(self) -> None:
+        """Keep the surface up to date where the next looks may be. What has left is waited for at the border, where the
+        target's own surroundings are kept: farther off, a camera that turns brings the background in."""
+        for place in () if self._has_left else self._places():
+            box = self._contours.box_at(place.x, place.y).scaled(MARGIN)
+            self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
+
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
         stamp_ns = self._surface.stamp_ns
@@ -126,9 +154,10 @@ class ContourSearch:
         look = self._look_again() if self._path else self._look_round()
         confidence = self._usual.confidence_of_lost(look)
         if confidence < CONFIDENCE_CANDIDATE or not self._is_possible(look):
-            # It may have stopped instead of moving on.
-            self._is_at_failure = not self._is_at_failure and not self._has_left
+            if len(self._path) >= FOUND_LOOKS and not self._has_left:
+                self._glimpse = self._path[-1]
             self._path = []
+            self._turn += 1
             return False
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence))
         last = [seen.confidence for seen in self._path[-FOUND_LOOKS:]]
@@ -138,17 +167,39 @@ class ContourSearch:
         self._contours.velocity[:] = self._path[-1].velocity
         return True
 
+    def _places(self) -> list[_Place]:
+        """Where it may be: moved on, or stopped, or where something like it was seen since."""
+        x, y = self._contours.pose[:2].tolist()
+        # What has left comes back.
+        velocity = -self._before.velocity if self._has_left else self._before.velocity
+        places = [_Place(x, y, velocity, self.since_s, is_expected=True)]
+        if not self._has_left:
+            x, y = self._before.pose[:2].tolist()
+            places.append(_Place(x, y, np.zeros(2), self.since_s))
+        seen = self._path[-1] if self._path else self._glimpse
+        if seen is not None:
+            stamp_ns = self._surface.stamp_ns
+            unseen_s = (stamp_ns - seen.stamp_ns) * 1e-9
+            x, y = seen.predicted(stamp_ns).tolist()
+            if unseen_s < COAST_S:
+                places.append(_Place(x, y, seen.velocity, unseen_s))
+        return places
+
+    def _radius_px(self, place: _Place) -> float:
+        growth_px_s = max(GROWTH_PX_S, GROWTH_SHARE * self._usual_speed_px_s)
+        return min(RADIUS_PX + growth_px_s * place.unseen_s, RADIUS_MAX_PX)
+
     def _look_round(self) -> Look:
         """The best place in a region that grows."""
-        contours = self._contours
-        radius_px = min(RADIUS_PX + GROWTH_PX_S * self.since_s, RADIUS_MAX_PX)
-        side = 2 * int(radius_px / STEP_PX) + 1
-        x, y = (float(value) for value in (self._before.pose if self._is_at_failure else contours.pose)[:2])
+        contours, places = self._contours, self._places()
+        place = self._place = places[self._turn % len(places)]
+        x, y = place.x, place.y
+        side = 2 * int(self._radius_px(place) / STEP_PX) + 1
         coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, SUMS)), STEP_PX)
         look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, SUMS)), 1.0)
         is_here = float(np.hypot(look.x - x, look.y - y)) < HERE_PX
         self._wanted = CONFIDENCE_FOUND_HERE if is_here or self._has_left else CONFIDENCE_FOUND
-        self.is_unsettled = self._is_at_failure or not is_here
+        self.is_unsettled = not (place.is_expected and is_here)
         return look
 
     def _look_again(self) -> Look:
@@ -163,17 +214,11 @@ class ContourSearch:
 
     def _velocity_to(self, look: Look) -> Float64Array:
         if not self._path:
-            return self._expected_velocity()
+            return self._place.velocity
         first = self._path[-PATH_LOOKS:][0]
         time_s = (self._surface.stamp_ns - first.stamp_ns) * 1e-9
         moved = np.array([look.x - first.x, look.y - first.y])
         return np.asarray((moved + PATH_S * self._path[-1].velocity) / (time_s + PATH_S))
-
-    def _expected_velocity(self) -> Float64Array:
-        """That of a target before it is seen a second time: what has left comes back, what was left behind stands."""
-        if self._is_at_failure:
-            return np.zeros(2)
-        return -self._before.velocity if self._has_left else self._before.velocity
 
     def _is_possible(self, look: Look) -> bool:
         """Whether it may be the target: with events, on the sensor, and first at its border if it left there."""

@@ -165,6 +165,8 @@ class ContourTarget:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
         before_ns, self._updated_ns = self._updated_ns, stamp_ns
         unseen_s = (stamp_ns - before_ns) * 1e-9
+        if self._state in (TargetState.RECOVERING, TargetState.LOST) and unseen_s > UNSEEN_SHORT_S:
+            self._search.wait()
         is_followed = self._state is TargetState.TRACKING and self._start_up is None
         moved_px = self._contours.speed_px_s * unseen_s
         radius_px = self._contour_config.search_radius
@@ -172,7 +174,8 @@ class ContourTarget:
             return
         self._settling = max(self._settling, 1)
         if unseen_s > UNSEEN_S and moved_px > UNSEEN_RADII * radius_px:
-            self._failing_s = 0.0
+            if self._failing_s == 0:
+                self._before = Standing.of(self._contours)
             self._fail(stamp_ns, before_ns)
 
     def _follow(self, stamp_ns: int) -> None:
@@ -279,7 +282,8 @@ class ContourTarget:
         is_off = not self._surface.holds(*contours.pose[:2])
         self._state = TargetState.LOST if is_off else TargetState.RECOVERING
         contours.is_changing = False
-        self._doubt(0.0)
+        if since_ns is None:
+            self._doubt(0.0)
         contours.stamp_ns = self._before.stamp_ns
         contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
         self._leaving_velocity = self._before.velocity
@@ -303,6 +307,7 @@ class ContourTarget:
         if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
         search.coast()
+        search.keep()
         answer = self._answer_from_images(stamp_ns, image)
         if answer is not None:
             self._contours.pose[:2] = answer.box.center

@@ -141,7 +141,9 @@ class MultiTracker:
         if self._starter is not None:
             self._starter.forget(name)
 
-    def update(self, stamp_ns: int, frame: FrameData, image: FrameData | None = None) -> tuple[TargetReport, ...]:
+    def update(
+        self, stamp_ns: int, frame: FrameData, image: FrameData | None = None, start_ns: int | None = None
+    ) -> tuple[TargetReport, ...]:
         """Take the next frame. A stamp below the last one starts the stream again: targets with a start stamp of
         their own wait for it anew at their first box, those started "now" go on from their last box, and those started
         by themselves are forgotten. What the starter starts on a frame is reported from the next one on.
@@ -150,6 +152,8 @@ class MultiTracker:
             stamp_ns: T_i, the end of the frame (ns).
             frame: uint8, shape (height, width, 2).
             image: intensity image at the same stamp, uint8, shape (height, width); None where there is none.
+            start_ns: T_{i-1}, where it starts (ns), if that is known; by default where the last one ended. After a gap
+                in the events that is long before.
 
         Returns:
             One report a target, in the order of their start.
@@ -163,6 +167,8 @@ class MultiTracker:
         if self._last_stamp_ns is not None and stamp_ns < self._last_stamp_ns:
             self._go_back(stamp_ns)
         self._last_stamp_ns = stamp_ns
+        if self._contours is not None:
+            self._surface.take(stamp_ns, frame, start_ns)
         reports = self._reports(stamp_ns, frame, image)
         if self._starter is not None:
             self._change(self._starter.take(stamp_ns, frame, reports))
@@ -184,8 +190,6 @@ class MultiTracker:
 
     def _reports(self, stamp_ns: int, frame: FrameData, image: FrameData | None) -> tuple[TargetReport, ...]:
         targets = self._targets.values()
-        if self._contours is not None:
-            self._surface.take(stamp_ns, frame)
         # Contours take less time than handing them to a thread would; they share the surface, too.
         if len(targets) < 2 or self._contours is not None:
             return tuple(self._updated(target, stamp_ns, frame, image) for target in targets)

@@ -37,15 +37,18 @@ class TimeSurface:
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._data: npt.NDArray[np.uint8] = np.zeros((0, 0, 2), np.uint8)
 
-    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8]) -> None:
-        """Go on to the next frame: its end (ns) and its levels, uint8, shape (height, width, 2).
+    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], start_ns: int | None = None) -> None:
+        """Go on to the next frame: its end (ns), its levels, uint8, shape (height, width, 2), and its start (ns), by
+        default where the last one ended.
 
         A stamp below the last one starts the stream again.
         """
         if stamp_ns < self.stamp_ns:
             self._times.fill(NEVER_NS)
             self.stamp_ns = NEVER_NS
-        self.start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
+        if start_ns is None:
+            start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
+        self.start_ns = start_ns
         self.stamp_ns = stamp_ns
         self._data = data
 

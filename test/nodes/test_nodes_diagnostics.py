@@ -1,5 +1,7 @@
 """What the nodes say of themselves, and of connections that cannot work."""
 
+import itertools
+
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -36,7 +38,14 @@ def test_a_pipeline_reports_rates_latencies_states_and_no_losses(bench, reposito
     rates = ("event messages per s", "events per s", "frames per s", "boxes per s")
     bench.wait_until(lambda: all(reports(key) > 0 for key in rates), "all rates are reported")
     assert 0 < reports("latency p50 ms") <= reports("latency p95 ms") <= reports("latency p99 ms")
-    for key in ("dropped messages", "dropped bytes", "decode errors", "sequence gaps", "lost messages"):
+    for key in (
+        "events left out of images",
+        "dropped messages",
+        "dropped bytes",
+        "decode errors",
+        "sequence gaps",
+        "lost messages",
+    ):
         assert bench.figure("pipeline", key) == "0", key
     for key in ("steps back in time", "frames ended by time", "frames outside the NZGE interval"):
         assert bench.figure("pipeline", key).isdigit(), key
@@ -69,6 +78,28 @@ def test_gaps_and_steps_back_in_time_are_counted(bench):
     assert bench.figure("accumulator", "lost messages") == "1"
     assert bench.figure("accumulator", "steps back in time") == "1"
     assert bench.figure("accumulator", "level") in ("WARN", "STALE")
+
+
+def test_what_is_late_is_left_out_of_the_images_and_counted(bench):
+    bench.listen("/pipeline/detections", Detection2DArray)
+    publisher = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("pipeline", ros=(*REMAP, "-p", "queue_s:=0.001"))
+    bench.wait_until(lambda: publisher.get_subscription_count() == 1, "the pipeline subscribes")
+    numbers = itertools.count()
+
+    def left_out() -> int:
+        publisher.publish(packet(next(numbers)))
+        return int(bench.figure("pipeline", "events left out of images") or 0)
+
+    # To decode a message takes longer than the tenth of a millisecond that is allowed.
+    bench.wait_until(lambda: left_out() > 0, "events are left out")
+    assert bench.set_parameter("pipeline", "queue_s", 3600.0) == (True, "")
+    taken = int(bench.figure("pipeline", "event messages"))
+    bench.wait_until(lambda: left_out() and int(bench.figure("pipeline", "event messages")) > taken, "others come")
+    before = left_out()
+    taken = int(bench.figure("pipeline", "event messages"))
+    bench.wait_until(lambda: left_out() and int(bench.figure("pipeline", "event messages")) > taken, "others come")
+    assert left_out() == before
 
 
 def test_frames_of_another_quality_of_service_are_named_with_the_cure(bench):

@@ -36,13 +36,15 @@ def frames_of(scene, *, noise_rate_hz=1000.0):
     return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
 
 
-def tracked(scene, box=None, *, start_s=0.0, config=None):
-    """(seconds, report, truth) of each frame from the start on."""
+def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0)):
+    """(seconds, report, truth) of each frame from the start on; those that start in a span of time are missing."""
     tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig())
     tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9))
     found = []
     for frame in frames_of(scene):
-        (report,) = tracker.update(frame.stamp_ns, frame.data)
+        if unseen_s[0] <= (frame.start_ns - START_NS) * 1e-9 < unseen_s[1]:
+            continue
+        (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
         time_s = (frame.stamp_ns - START_NS) * 1e-9
         if report.state is not TargetState.IDLE:
             found.append((time_s, report, scene.box("thing", time_s)))
@@ -140,6 +142,17 @@ def test_a_target_that_left_comes_back_over_the_border():
     inside = [time_s for time_s, _, truth in found if time_s > 0.8 and truth.x + truth.w < WIDTH - 2]
     back = [(report, truth) for time_s, report, truth in found if time_s > inside[0] + 0.1]
     assert all(overlap(report, truth) > 0.5 for report, truth in back)
+
+
+@pytest.mark.parametrize("gap_s", [0.04, 0.09, 0.15])
+def test_a_target_that_turns_while_frames_are_missing_is_found_again(gap_s):
+    ways = [
+        Waypoint(t, WIDTH / 2 + 50 * np.cos(2 * np.pi * t), HEIGHT / 2 + 50 * np.sin(2 * np.pi * t))
+        for t in np.arange(0, 1.31, 0.01)
+    ]
+    found = tracked(scene_of(*ways, duration_s=1.3), unseen_s=(0.8, 0.8 + gap_s))
+    after = [overlap(report, truth) for time_s, report, truth in found if time_s > 0.8 + gap_s + 0.1]
+    assert min(after) > 0.7
 
 
 def test_a_target_with_no_stamp_that_is_lost_is_looked_for_when_time_goes_back():
