@@ -53,7 +53,7 @@ class NodeOptions(Parameters):
         high=4096.0,
     )
     queue_s: float = parameter(
-        0.1,
+        0.08,
         "longest wait of a message in the queue (s); beyond it the older half is dropped and counted",
         low=0.001,
         high=3600.0,

@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.memory import hold_memory
 from etd_ros.nodes.programs import LEAVE, handled
 from etd_ros.nodes.ros_errors import ros_refusals
 
@@ -51,6 +52,7 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
             node = make()
             beginning.made()
             node.start()
+            hold_memory()
         install_signal_handlers(SignalHandlerOptions.ALL)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
