@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 MIB = 2**20
-HELD_MIB = 24
+HELD_MIB = 12
 """What waits and is worked on where a fast camera's events begin to come, without the room for a message each time."""
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
