@@ -56,6 +56,7 @@ class Outcome:
         duration_s: how long it took for them (s).
         decoded: messages that the node decoded.
         losses: by the node's diagnostics, what grew meanwhile of `LOSSES`.
+        unimaged: share of the decoded events that were left out of the images (percent).
         after_s: when each box's frame ended, since the start of the scene (s), shape (n,).
         latency_ms: from publishing the message that holds a frame's end to receiving the frame's box, shape (n,).
         iou: of each box with the truth, 0 where the target had none, shape (n,).
@@ -67,6 +68,7 @@ class Outcome:
     duration_s: float
     decoded: int
     losses: dict[str, int]
+    unimaged: float
     after_s: Seconds
     latency_ms: Milliseconds
     iou: npt.NDArray[np.float64]
@@ -85,6 +87,7 @@ class Outcome:
 
 
 LEARNING_TURNS = 2
+LEFT_OUT = "events left out of images"
 LOSSES = ("dropped messages", "lost messages", "sequence gaps", "stream restarts", "decode errors", "errors")
 """Keys of the node's diagnostics of which none may grow."""
 
@@ -322,12 +325,14 @@ class LiveBench:
         learnt = 0 if learning is None else len(learning.played().published_ns)
         decoded = self._decoded_at_rest(before, len(played.published_ns) + learnt) - learnt
         losses = {key: self.figure(key) - int(before.get(key, 0)) for key in LOSSES}
+        left_out, events = (self.figure(key) - int(before.get(key, 0)) for key in (LEFT_OUT, "events"))
         after_s, latency_ms, iou = self._judged(played, scene)
         return Outcome(
             published=len(played.published_ns),
             duration_s=played.duration_s,
             decoded=decoded,
             losses=losses,
+            unimaged=100 * left_out / max(1, events),
             after_s=after_s,
             latency_ms=latency_ms,
             iou=iou,

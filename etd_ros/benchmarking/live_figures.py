@@ -166,20 +166,19 @@ def _cpu_percent(bench: LiveBench, duration_s: float) -> float:
 
 def _sustained(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
     """The highest of the rates that the node keeps up with, by halving: 0 where it is none of them."""
-    low, high = -1, len(effort.rates)
+    low, high, unimaged = -1, len(effort.rates), 0.0
     while high - low > 1:
         middle = (low + high) // 2
-        if _probe(bench, generator, scene, effort.rates[middle], effort.probe_s):
-            low = middle
+        rate = effort.rates[middle]
+        generator.prepare(rate, MESSAGES_PER_S)
+        outcome = bench.run(generator, scene, effort.probe_s)
+        if keeps_up(outcome, rate, effort.probe_s):
+            low, unimaged = middle, outcome.unimaged
         else:
             high = middle
-    value = effort.rates[low] / MEV if low >= 0 else 0.0
-    yield _figure("sustained", (scene.width, scene.height), value, "Mev/s", f"{MESSAGES_PER_S} msg/s")
-
-
-def _probe(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, rate: int, duration_s: float) -> bool:
-    generator.prepare(rate, MESSAGES_PER_S)
-    return keeps_up(bench.run(generator, scene, duration_s), rate, duration_s)
+    sensor, told = (scene.width, scene.height), f"{MESSAGES_PER_S} msg/s"
+    yield _figure("sustained", sensor, effort.rates[low] / MEV if low >= 0 else 0.0, "Mev/s", told)
+    yield _figure("sustained_unimaged", sensor, unimaged, "% of events", told)
 
 
 def keeps_up(outcome: Outcome, rate: int, duration_s: float) -> bool:
@@ -213,6 +212,7 @@ def _overload(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effo
     yield _figure("overload_offered", sensor, _offered(outcome, OVERLOAD_RATE) / MEV, "Mev/s", told)
     yield _figure("overload_latency_p99", sensor, float(np.percentile(outcome.latency_ms[judged], 99)), "ms", told)
     yield _figure("overload_dropped", sensor, 100 * outcome.dropped / outcome.published, "% of messages", told)
+    yield _figure("overload_unimaged", sensor, outcome.unimaged, "% of events", told)
     yield _figure("overload_iou", sensor, float(np.mean(outcome.iou[judged])), "IoU", told)
     yield _figure("overload_growth", sensor, _growth_mib(outcome), "MiB", told)
 

@@ -6,7 +6,8 @@ import ctypes
 
 MIB = 2**20
 HELD_MIB = 12
-"""What waits and is worked on where a fast camera's events begin to come, without the room for a message each time."""
+"""What waits in the queue where a fast camera's events begin to come. It is memory of the main thread, which takes the
+messages: the C library has others for other threads, which the first busy moment touches."""
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 LARGE_BYTES = 32 * MIB

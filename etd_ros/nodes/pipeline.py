@@ -32,8 +32,8 @@ LONGER_FRAMES = ((0.1, 0.004), (0.05, 0.002), (0.0, 0.0))
 """When a message has taken this share of what `queue_s` allows, the next frames last at least so long (s): fewer of
 them rather than lost ones."""
 IMAGES_SHARE = 0.1
-"""A message that is this late is left out of the images, whose making takes as long as all the rest: they only serve to
-find what is lost."""
+"""A message that is this late is left out of the images, whose making takes as long as all the rest, where the method
+looks at one now and then: they serve to remember targets and to find what is lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +171,11 @@ class Pipeline(EtdNode):
             source.last_at_least(next(s for share, s in LONGER_FRAMES if late_s >= share * self.options.queue_s))
 
     def _has_time_for_image(self, batch: StreamBatch, received_s: float) -> bool:
-        # What starts a stream has to reach the images: those of the last one are not to be gone on with.
-        has_time = time.monotonic() - received_s < IMAGES_SHARE * self.options.queue_s or batch.restart is not None
+        # What starts a stream has to reach the images: those of the last one are not to be gone on with. What is
+        # missing within a stream fades from them as all does.
+        if batch.restart is not None or not self._method.image_interval_s:
+            return True
+        has_time = bool(time.monotonic() - received_s < IMAGES_SHARE * self.options.queue_s)
         self._events_not_imaged += 0 if has_time else len(batch.events)
         return has_time
 

@@ -165,7 +165,8 @@ class ContourTarget:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
         before_ns, self._updated_ns = self._updated_ns, stamp_ns
         unseen_s = (stamp_ns - before_ns) * 1e-9
-        if self._state in (TargetState.RECOVERING, TargetState.LOST) and unseen_s > UNSEEN_SHORT_S:
+        gap_s = (self._surface.start_ns - before_ns) * 1e-9
+        if self._state in (TargetState.RECOVERING, TargetState.LOST) and gap_s > UNSEEN_SHORT_S:
             self._search.wait()
         is_followed = self._state is TargetState.TRACKING and self._start_up is None
         moved_px = self._contours.speed_px_s * unseen_s

@@ -152,15 +152,19 @@ class MultiTracker:
             stamp_ns: T_i, the end of the frame (ns).
             frame: uint8, shape (height, width, 2).
             image: intensity image at the same stamp, uint8, shape (height, width); None where there is none.
-            start_ns: T_{i-1}, where it starts (ns), if that is known; by default where the last one ended. After a gap
-                in the events that is long before.
+            start_ns: T_{i-1}, where the frame starts (ns), which is long after the last one's end where events were
+                missing; by default where the last one ended, at most 0.1 s before.
 
         Returns:
             One report a target, in the order of their start.
 
         Raises:
-            TrackingError: frame or image are of another shape or dtype than the sensor's.
+            TrackingError: frame or image are of another shape or dtype than the sensor's, or the frame starts after its
+                end.
         """
+        if start_ns is not None and start_ns > stamp_ns:
+            msg = f"the frame starts at {start_ns} ns, after its end at {stamp_ns} ns"
+            raise TrackingError(msg)
         self._check_pixels("frame", frame, (self._height, self._width, 2))
         if image is not None:
             self._check_pixels("image", image, (self._height, self._width))

@@ -9,7 +9,8 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float32Array, gather, keep_times
 
 FRAME_MAX_NS = 100_000_000
-"""A frame is taken to have lasted no longer than this (ns): after a quiet time the next one starts late."""
+"""A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
+late."""
 POINTS_MAX = 16_384
 NEVER_NS = -(2**62)
 
@@ -19,7 +20,7 @@ Window = tuple[int, int, int, int]
 
 class TimeSurface:
     """The last event time of each pixel and polarity, from the grey levels of ATSLTD frames (their linear decay is what
-    tells the time) and the frames' stamps. A frame starts where the one before it ended.
+    tells the time) and the frames' stamps. A frame starts where it says, or else where the one before it ended.
 
     Only windows that somebody asks for are kept up to date.
 

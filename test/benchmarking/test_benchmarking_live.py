@@ -15,7 +15,14 @@ from etd_ros.benchmarking.live_bench import Outcome
 from etd_ros.benchmarking.live_figures import keeps_up
 
 PERCENTILES = tuple(f"latency{of}_p{percent}" for of in ("_floor", "", "_node") for percent in (50, 99))
-OVERLOAD = ("overload_offered", "overload_latency_p99", "overload_dropped", "overload_iou", "overload_growth")
+OVERLOAD = {
+    "overload_offered": "Mev/s",
+    "overload_latency_p99": "ms",
+    "overload_dropped": "% of messages",
+    "overload_unimaged": "% of events",
+    "overload_iou": "IoU",
+    "overload_growth": "MiB",
+}
 UNITS = {
     **dict.fromkeys(PERCENTILES, "ms"),
     "latency_iou": "IoU",
@@ -23,8 +30,9 @@ UNITS = {
     "exit": "s",
     "idle_cpu": "% of a core",
     "sustained": "Mev/s",
+    "sustained_unimaged": "% of events",
     "other_load": "% of the machine",
-    **dict(zip(OVERLOAD, ("Mev/s", "ms", "% of messages", "IoU", "MiB"), strict=True)),
+    **OVERLOAD,
 }
 
 
@@ -36,6 +44,7 @@ def outcome(**changes) -> Outcome:
         "duration_s": 1.0,
         "decoded": 250,
         "losses": {"lost messages": 0, "errors": 0},
+        "unimaged": 0.0,
         "after_s": after_s,
         "latency_ms": np.full(101, 2.0),
         "iou": np.full(101, 0.9),
@@ -110,7 +119,7 @@ def test_figures_are_possible_ones(rows):
         assert (row["peer"], row["peer_value"], row["ratio"]) == (None, None, None)
         if row["what"].startswith(("latency", "start", "overload_latency")):
             assert row["value"] > 0
-        if row["what"] == "overload_dropped":
+        if row["what"] in ("overload_dropped", "overload_unimaged", "sustained_unimaged"):
             assert 0 <= row["value"] <= 100
         if row["what"] == "overload_iou":
             assert 0 <= row["value"] <= 1

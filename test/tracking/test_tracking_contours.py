@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from etd_ros.boxes import Box, iou
+from etd_ros.conversion import AtsltdConfig
 from etd_ros.engine import FrameSource
 from etd_ros.events import concatenate
 from etd_ros.settings import Settings
@@ -15,6 +16,7 @@ from etd_ros.simulation import Path, Recipe, Scene, Sprite, Waypoint, make_scene
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+from etd_ros.tracking.errors import TrackingError
 
 START_NS = 1_000_000_000
 WIDTH, HEIGHT = 240, 180
@@ -153,6 +155,23 @@ def test_a_target_that_turns_while_frames_are_missing_is_found_again(gap_s):
     found = tracked(scene_of(*ways, duration_s=1.3), unseen_s=(0.8, 0.8 + gap_s))
     after = [overlap(report, truth) for time_s, report, truth in found if time_s > 0.8 + gap_s + 0.1]
     assert min(after) > 0.7
+
+
+def test_a_lost_target_is_looked_for_on_long_frames_too():
+    scene = scene_of(Waypoint(0, 30, 90), Waypoint(1.2, 210, 90), duration_s=1.2, cover=(pillar(125),))
+    events = concatenate(list(simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=1000.0))))
+    settings = Settings(atsltd=AtsltdConfig(fine_max_duration_s=0.03, fine_min_duration_s=0.025))
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene.box("thing", 0.0), START_NS)
+    for frame in FrameSource("atsltd_fine", WIDTH, HEIGHT, settings).frames(events):
+        (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert overlap(report, scene.box("thing", (frame.stamp_ns - START_NS) * 1e-9)) > 0.5
+
+
+def test_a_frame_that_starts_after_its_end_is_refused():
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    with pytest.raises(TrackingError, match="after its end"):
+        tracker.update(5, np.zeros((HEIGHT, WIDTH, 2), np.uint8), start_ns=6)
 
 
 def test_a_target_with_no_stamp_that_is_lost_is_looked_for_when_time_goes_back():

@@ -1,0 +1,23 @@
+"""Frames are read back into the times of their events."""
+
+import numpy as np
+import pytest
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.surface import TimeSurface
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize(("start_ns", "age_ms"), [(100 * MS, 2.0), (None, 41.9)])
+def test_an_events_age_follows_from_where_its_frame_starts(start_ns, age_ms):
+    surface = TimeSurface(16, 12)
+    surface.take(20 * MS, np.zeros((12, 16, 2), np.uint8))
+    data = np.zeros((12, 16, 2), np.uint8)
+    data[5, 7, 1] = 128
+    surface.take(104 * MS, data, start_ns)
+    window = surface.window(Box(0, 0, 16, 12), 0)
+    assert surface.keep(window) == 1
+    points, count = surface.points(window, 0.1)
+    assert count == 1
+    assert points[0, 2] * 1e3 == pytest.approx(age_ms, abs=0.5)
