@@ -29,6 +29,8 @@ GROWTH_SHARE = 0.5
 SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
 """How often contours are searched, and how soon again once they may be found: a search takes as long as ten looks, and
 many targets may be lost at once."""
+CANDIDATE_NS = 250_000_000
+"""What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01
 """The velocity of a candidate is that over its last looks, and after this time as sure as the one expected."""
 NEAR_PX = 3.0
@@ -162,6 +164,9 @@ class ContourSearch:
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence))
         last = [seen.confidence for seen in self._path[-FOUND_LOOKS:]]
         if len(last) < FOUND_LOOKS or min(last) < self._wanted:
+            if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
+                self._path = []
+                self._turn += 1
             return False
         self._contours.pose[:2] = look.x, look.y
         self._contours.velocity[:] = self._path[-1].velocity
