@@ -15,8 +15,8 @@ from etd_ros.tracking.usual_looks import UsualLooks
 EVENTS_MIN = 15.0
 """Fewer events under the model say nothing about the target."""
 CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
-"""From where on a place is looked at again, and is the target's; the last where its motion would have brought it, and
-where it comes back over the sensor's border."""
+"""From where on a place is looked at again, and is the target's; the last near the middle of where it is looked
+for, and where it comes back over the sensor's border."""
 FOUND_LOOKS = 2
 """So many looks that follow one another have to be sure."""
 HERE_PX = 6.0
