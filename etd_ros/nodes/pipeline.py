@@ -162,24 +162,24 @@ class Pipeline(EtdNode):
     def _on_events(self, message: EventMessage, batch: StreamBatch, received_s: float) -> None:
         origin = Origin(message.frame_id, received_s)
         source = self._frame_sources.at(batch)
-        is_imaged = self._method.recovers and self._has_time_for_image(batch, received_s)
+        is_late = self._is_late_for_image(batch, received_s)
+        if is_late:
+            self._events_not_imaged += len(batch.events)
         for part in source.parts(batch):
             if part.frame is not None:
                 self._figures.note(part.frame)
-            self._hand_over(part, origin, is_imaged)
+            self._hand_over(part, origin, is_imaged=self._method.recovers and not is_late)
             late_s = time.monotonic() - received_s
             source.last_at_least(next(s for share, s in LONGER_FRAMES if late_s >= share * self.options.queue_s))
 
-    def _has_time_for_image(self, batch: StreamBatch, received_s: float) -> bool:
+    def _is_late_for_image(self, batch: StreamBatch, received_s: float) -> bool:
         # What starts a stream has to reach the images: those of the last one are not to be gone on with. What is
-        # missing within a stream fades from them as all does.
+        # missing within a stream fades from them as all do.
         if batch.restart is not None or not self._method.image_interval_s:
-            return True
-        has_time = bool(time.monotonic() - received_s < IMAGES_SHARE * self.options.queue_s)
-        self._events_not_imaged += 0 if has_time else len(batch.events)
-        return has_time
+            return False
+        return bool(time.monotonic() - received_s >= IMAGES_SHARE * self.options.queue_s)
 
-    def _hand_over(self, part: Part, origin: Origin, is_imaged: bool) -> None:
+    def _hand_over(self, part: Part, origin: Origin, *, is_imaged: bool) -> None:
         frame, image = part.frame, None
         if is_imaged:
             image = PendingImage() if frame is not None and part.has_image else None

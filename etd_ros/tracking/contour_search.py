@@ -143,7 +143,9 @@ class ContourSearch:
     def keep(self) -> None:
         """Keep the surface up to date where the next looks may be. What has left is waited for at the border, where the
         target's own surroundings are kept: farther off, a camera that turns brings the background in."""
-        for place in () if self._has_left else self._places():
+        if self._has_left:
+            return
+        for place in self._places():
             box = self._contours.box_at(place.x, place.y).scaled(MARGIN)
             self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
 
@@ -158,19 +160,22 @@ class ContourSearch:
         if confidence < CONFIDENCE_CANDIDATE or not self._is_possible(look):
             if len(self._path) >= FOUND_LOOKS and not self._has_left:
                 self._glimpse = self._path[-1]
-            self._path = []
-            self._turn += 1
+            self._look_elsewhere()
             return False
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence))
         last = [seen.confidence for seen in self._path[-FOUND_LOOKS:]]
         if len(last) < FOUND_LOOKS or min(last) < self._wanted:
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
-                self._path = []
-                self._turn += 1
+                self._look_elsewhere()
             return False
         self._contours.pose[:2] = look.x, look.y
         self._contours.velocity[:] = self._path[-1].velocity
         return True
+
+    def _look_elsewhere(self) -> None:
+        """Give the candidate up; the next place has its turn."""
+        self._path = []
+        self._turn += 1
 
     def _places(self) -> list[_Place]:
         """Where it may be: moved on, or stopped, or where something like it was seen since."""
