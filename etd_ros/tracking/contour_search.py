@@ -29,7 +29,7 @@ GROWTH_SHARE = 0.5
 SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
 """How often contours are searched, and how soon again once they may be found: a search takes as long as ten looks, and
 many targets may be lost at once."""
-CANDIDATE_NS = 250_000_000
+CANDIDATE_NS = 80_000_000
 """What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01
 """The velocity of a candidate is that over its last looks, and after this time as sure as the one expected."""

@@ -35,6 +35,9 @@ CHANGING_PX, TRUST_MIN = 1.0, 0.1
 """A look that is doubted still teaches, by what trust is left, if it finds the target this near to where it should be:
 then it changes, rather than something else being in its place."""
 KNOWN_MIN = 0.3
+JUMP_MIN_PX, JUMP_RATE, JUMPS, JUMP_SPEEDS = 0.5, 0.08, 4.0, 2.0
+"""A look that finds the target farther from where it should be than JUMPS times what is usual (an average that looks
+renew by JUMP_RATE; JUMP_MIN_PX at least) is of something else, unless motion by so many times the speed explains it."""
 FAILING_S, LEAVING_S = 0.3, 0.12
 """So long looks may fail before the target counts as lost; the second at the border of the sensor."""
 FORGIVING = 2.0
@@ -158,6 +161,7 @@ class ContourTarget:
         self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
+        self._usual_jump_px = JUMP_MIN_PX
         self._held = None
         self._sure = None
 
@@ -196,34 +200,53 @@ class ContourTarget:
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.
             self._confidence /= max(contours.known, KNOWN_MIN)
+        self._confidence = min(1.0, self._confidence) * self._plausible(look, stamp_ns)
         if self._confidence < CONFIDENCE_USUAL:
-            look = self._look_for_change(look)
+            look = self._look_for_change(look, stamp_ns)
         if self._confidence < CONFIDENCE_OK:
             turned = contours.look(self._surface, any_motion=True)
-            if self._usual.confidence(turned) > self._confidence:
-                look, self._confidence = turned, self._usual.confidence(turned)
+            confidence = self._usual.confidence(turned) * self._plausible(turned, stamp_ns)
+            if confidence > self._confidence:
+                look, self._confidence = turned, confidence
                 contours.turn(look.direction)
         self._note_if_sure(elapsed_s)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
             self._doubt(elapsed_s * doubt)
         trust = 1.0 - doubt
+        jump_px = float(np.hypot(look.x - x, look.y - y))
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
             self._usual.learn(look)
+            self._usual_jump_px += JUMP_RATE * (min(jump_px, JUMP_MIN_PX) - self._usual_jump_px)
             self._settling = max(0, self._settling - 1)
-        is_near = np.hypot(look.x - x, look.y - y) < CHANGING_PX
-        if not self._settling and (doubt == 0 or (trust > TRUST_MIN and is_near)):
+        if not self._settling and (doubt == 0 or (trust > TRUST_MIN and jump_px < CHANGING_PX)):
             contours.adapt(self._surface, elapsed_s, trust)
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
 
-    def _look_for_change(self, look: Look) -> Look:
+    @property
+    def _jump_max_px(self) -> float:
+        return max(JUMP_MIN_PX, JUMPS * self._usual_jump_px)
+
+    def _plausible(self, look: Look, stamp_ns: int) -> float:
+        """How far a target with this motion could be from where it should be, in parts of how far the look finds it; at
+        most 1."""
+        if self._settling:
+            return 1.0
+        contours = self._contours
+        x, y = contours.predicted(stamp_ns)
+        unsure_s = (stamp_ns - contours.stamp_ns) * 1e-9 + self._failing_s
+        speed_px_s = max(contours.speed_px_s, self._usual_speed_px_s)
+        could_px = self._jump_max_px + JUMP_SPEEDS * speed_px_s * unsure_s
+        return could_px / max(could_px, float(np.hypot(look.x - x, look.y - y)))
+
+    def _look_for_change(self, look: Look, stamp_ns: int) -> Look:
         """A look at what the target was like lately, if that fits better: it, or what is behind it, has changed."""
         self._contours.is_changing = True
         recent = self._contours.look(self._surface, any_motion=self._settling > 0)
-        confidence = self._usual.confidence(recent)
+        confidence = self._usual.confidence(recent) * self._plausible(recent, stamp_ns)
         if confidence > self._confidence:
             self._confidence = confidence
             return recent

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.contours import BORDER_CELLS, Contours, oval
 from etd_ros.tracking.surface import TimeSurface
 
@@ -32,10 +32,12 @@ APART_PX = 3.0
 APART_EVENTS_MAX = 2000
 """Of more events every second, third, ... is enough for that."""
 RING_FITS = 2
-APART_ROUNDS = 2
+APART_ROUNDS = 3
 BEHIND_WEIGHT = 0.7
 """How much less an event counts that moves like the ring."""
 AGREED_FLOOR = 0.1
+PIXELS_MAX = 65536
+"""More than a sensor has along a side."""
 
 
 class StartUp:
@@ -101,13 +103,13 @@ class StartUp:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring."""
         velocity = ring = self._contours.velocity
         events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
-        everything = np.ones(len(events), np.float32)
+        of_pixel = _shares_of_pixels(events)
         for _ in range(RING_FITS):
-            ring = self._coherent(events, time_s, everything, self._ring, ring)
+            ring = self._coherent(events, time_s, of_pixel, self._ring, ring)
         behind = self._agreements(events, time_s, ring)
         for _ in range(APART_ROUNDS):
             own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
-            shares = np.asarray(own / (own + BEHIND_WEIGHT * behind), np.float32)
+            shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
             velocity = self._coherent(events, time_s, shares, self._weight, velocity)
         self._contours.velocity = velocity
 
@@ -143,3 +145,10 @@ class StartUp:
         splat(events, len(events), self._pose, contours.cell_px, contours.motion, contours.drawn)
         direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
+
+
+def _shares_of_pixels(events: Float32Array) -> Float32Array:
+    """What each event counts, shape (n,), so that those of a pixel count as one together."""
+    number = events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)
+    _, pixels, counts = np.unique(number, return_inverse=True, return_counts=True)
+    return np.asarray(1 / counts[pixels], np.float32)

@@ -10,12 +10,13 @@ import pytest
 from etd_ros.boxes import Box, iou
 from etd_ros.conversion import AtsltdConfig
 from etd_ros.engine import FrameSource
-from etd_ros.events import concatenate
+from etd_ros.events import Events, concatenate
 from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Recipe, Scene, Sprite, Waypoint, make_scene, simulate
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up
+from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.errors import TrackingError
 
 START_NS = 1_000_000_000
@@ -31,19 +32,23 @@ def scene_of(*waypoints, duration_s=1.0, cover=()):
     return Scene(WIDTH, HEIGHT, duration_s, wall, (thing, *cover))
 
 
-def frames_of(scene, *, noise_rate_hz=1000.0):
-    events = concatenate(
+def events_of(scene, *, noise_rate_hz=1000.0):
+    return concatenate(
         list(simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=noise_rate_hz)))
     )
+
+
+def frames_of(scene, *, noise_rate_hz=1000.0):
+    events = events_of(scene, noise_rate_hz=noise_rate_hz)
     return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
 
 
-def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0)):
+def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None):
     """(seconds, report, truth) of each frame from the start on; those that start in a span of time are missing."""
     tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig())
     tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9))
     found = []
-    for frame in frames_of(scene):
+    for frame in frames or frames_of(scene):
         if unseen_s[0] <= (frame.start_ns - START_NS) * 1e-9 < unseen_s[1]:
             continue
         (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
@@ -199,6 +204,52 @@ def test_a_target_starts_where_it_was_at_its_stamp_not_where_the_first_frame_fin
     scene = scene_of(Waypoint(0, 40, 60), Waypoint(0.5, 200, 60), duration_s=0.5)
     found = tracked(scene, start_s=0.1)
     assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.88
+
+
+def with_restless_pixels(events, box, *, pixels, period_us):
+    """The events, and those of pixels in the box that fire all the time, each at its own moments."""
+    rng = np.random.default_rng(3)
+    t = np.arange(START_NS, START_NS + 200_000_000, period_us * 1000 // pixels)
+    which = np.arange(len(t)) % pixels
+    x, y = (
+        rng.integers(low, high, pixels)[which].astype(np.uint16)
+        for low, high in ((box.x, box.x + box.w), (box.y, box.y + box.h))
+    )
+    both = [
+        np.concatenate(pair)
+        for pair in ((events.t, t), (events.x, x), (events.y, y), (events.p, np.ones(len(t), events.p.dtype)))
+    ]
+    order = np.argsort(both[0], kind="stable")
+    return Events(*(field[order] for field in both), WIDTH, HEIGHT)
+
+
+def test_pixels_that_fire_again_and_again_do_not_slow_a_start(monkeypatch):
+    scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90), duration_s=0.3)
+    events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=150, period_us=5000)
+    frames = list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
+
+    def mean_overlap():
+        found = tracked(scene, frames=frames)
+        return np.mean([overlap(report, truth) for time_s, report, truth in found if time_s > 0.1])
+
+    assert mean_overlap() > 0.945
+    monkeypatch.setattr(start_up, "_shares_of_pixels", lambda events: np.ones(len(events), np.float32))
+    assert mean_overlap() < 0.935
+
+
+def test_a_look_farther_away_than_the_target_can_be_is_not_followed(monkeypatch):
+    scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90), duration_s=0.4)
+    look, away_s = Contours.look, (0.2, 0.204)
+
+    def look_away(self, surface, *, any_motion=False):
+        seen = look(self, surface, any_motion=any_motion)
+        is_away = away_s[0] < (surface.stamp_ns - START_NS) * 1e-9 < away_s[1]
+        return replace(seen, y=seen.y + 4.0) if is_away else seen
+
+    monkeypatch.setattr(Contours, "look", look_away)
+    found = tracked(scene)
+    off_px = [abs(report.box.center[1] - truth.center[1]) for time_s, report, truth in found if time_s > away_s[0]]
+    assert max(off_px) < 2.0
 
 
 def test_time_that_goes_back_starts_the_target_again():
