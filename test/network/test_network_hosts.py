@@ -41,6 +41,8 @@ class Machines:
         address = self.hosts.camera.address
         command = [server, "--server-id", "0", "--udp-address", address, "--udp-port", str(SERVER_PORT)]
         self.hosts.camera.start("discovery_server", command, self._environment, self._log("discovery_server"))
+        port = f":{SERVER_PORT:04X} "
+        self.wait_until(lambda: port in self.hosts.camera.proc_net("udp"), "the discovery server listens")
         is_super = "TRUE" if tells_all else "FALSE"
         self._environment |= {"ROS_DISCOVERY_SERVER": f"{address}:{SERVER_PORT}", "ROS_SUPER_CLIENT": is_super}
 
