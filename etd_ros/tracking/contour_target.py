@@ -8,6 +8,7 @@ have brought it, and the recovery tracker searches the images.
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
@@ -195,7 +196,7 @@ class ContourTarget:
             return
         self._quiet_s = 0.0
         self._leaving_velocity = contours.velocity.copy()
-        self._usual_speed_px_s += (1 - np.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
+        self._usual_speed_px_s += (1 - math.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
         self._confidence = self._usual.confidence(look)
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.

@@ -67,6 +67,7 @@ def test_a_target_is_followed_from_the_start():
     assert min(overlap(report, truth) for _, report, truth in found) > 0.75
     assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.85
     assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
+    assert {type(report.score) for _, report, _ in found} == {float}, "written as a number everywhere"
 
 
 def test_a_target_that_turns_back_is_followed():
