@@ -17,6 +17,8 @@ RECORDING = REPOSITORY / "bags" / "demo"
 FRAME_BYTES = 240 * 180 * 2
 SERVER_PORT = 11811
 POLL_S = 0.05
+FOUND_S, STARTS = 20.0, 4
+"""Now and then DDS never tells one host of a process on the other, until that is started again (docs/machines.md)."""
 
 
 class Machines:
@@ -25,6 +27,7 @@ class Machines:
     def __init__(self, hosts: Network, folder: Path) -> None:
         self.hosts = hosts
         self._folder = folder
+        self._tells_all: bool | None = None
         self._environment = {
             **hosts.environment(folder),
             "ROS_DOMAIN_ID": str(next(DOMAINS)),
@@ -37,6 +40,7 @@ class Machines:
         Args:
             tells_all: whether processes ask for everything there is, or for what they read and write.
         """
+        self._tells_all = tells_all
         server = shutil.which("fast-discovery-server", path=f"{Path(sys.executable).parent}") or "fast-discovery-server"
         address = self.hosts.camera.address
         command = [server, "--server-id", "0", "--udp-address", address, "--udp-port", str(SERVER_PORT)]
@@ -47,7 +51,19 @@ class Machines:
         self._environment |= {"ROS_DISCOVERY_SERVER": f"{address}:{SERVER_PORT}", "ROS_SUPER_CLIENT": is_super}
 
     def start(self, reconstruction: str) -> None:
-        """Driver and accumulator on the camera host, the tracker on the other, the reconstruction on either."""
+        """Driver and accumulator on the camera host, the tracker on the other, the reconstruction on either. They are
+        started again where they do not find each other."""
+        for _ in range(STARTS - 1):
+            self._start(reconstruction)
+            if self._found_all():
+                return
+            self.hosts.camera.stop()
+            self.hosts.compute.stop()
+            if self._tells_all is not None:
+                self.serve_discovery(tells_all=self._tells_all)
+        self._start(reconstruction)
+
+    def _start(self, reconstruction: str) -> None:
         events = ("-r", f"~/events:=/{CAMERA}/events")
         camera, compute = self.hosts.camera, self.hosts.compute
         truth = RECORDING / "boxes.csv"
@@ -57,6 +73,15 @@ class Machines:
         self._node(compute, "tracker", ros=("-p", f"targets_file:={truth}"))
         to_camera = ("-r", f"/event_camera/events:=/{CAMERA}/events")
         self._node(camera, "replay", str(RECORDING), "--loop", "--wait-for", "2", ros=to_camera)
+
+    def _found_all(self) -> bool:
+        """Whether the listener hears of every node within a time, and the tracker of the frames."""
+        deadline_s = time.monotonic() + FOUND_S
+        while time.monotonic() < deadline_s:
+            if self.figure("accumulator", "frames") and self.figure("tracker", "frames received"):
+                return True
+            time.sleep(POLL_S)
+        return False
 
     def boxes(self) -> int:
         """How many boxes have arrived."""
