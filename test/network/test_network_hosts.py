@@ -75,13 +75,10 @@ class Machines:
         self._node(camera, "replay", str(RECORDING), "--loop", "--wait-for", "2", ros=to_camera)
 
     def _found_all(self) -> bool:
-        """Whether the listener hears of every node within a time, and the tracker of the frames."""
-        deadline_s = time.monotonic() + FOUND_S
-        while time.monotonic() < deadline_s:
-            if self.figure("accumulator", "frames") and self.figure("tracker", "frames received"):
-                return True
-            time.sleep(POLL_S)
-        return False
+        """Whether the listener hears of the accumulator within a time, and the tracker of its frames."""
+        return self._comes_true(
+            lambda: bool(self.figure("accumulator", "frames") and self.figure("tracker", "frames received")), FOUND_S
+        )
 
     def boxes(self) -> int:
         """How many boxes have arrived."""
@@ -98,12 +95,17 @@ class Machines:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Fail with the logs where the condition never holds."""
-        deadline_s = time.monotonic() + TIMEOUT_S
+        if not self._comes_true(condition, TIMEOUT_S):
+            logs = (f"--- {path.name}\n{path.read_text()[-2000:]}" for path in sorted(self._folder.glob("*.log")))
+            pytest.fail("\n".join([f"waited in vain until {what}, on {self.hosts.kind}", *logs]))
+
+    def _comes_true(self, condition: Callable[[], bool], within_s: float) -> bool:
+        deadline_s = time.monotonic() + within_s
         while not condition():
             if time.monotonic() > deadline_s:
-                logs = (f"--- {path.name}\n{path.read_text()[-2000:]}" for path in sorted(self._folder.glob("*.log")))
-                pytest.fail("\n".join([f"waited in vain until {what}, on {self.hosts.kind}", *logs]))
+                return False
             time.sleep(POLL_S)
+        return True
 
     def _listen(self) -> None:
         command = [

@@ -165,11 +165,10 @@ def test_a_target_that_turns_while_frames_are_missing_is_found_again(gap_s):
 
 def test_a_lost_target_is_looked_for_on_long_frames_too():
     scene = scene_of(Waypoint(0, 30, 90), Waypoint(1.2, 210, 90), duration_s=1.2, cover=(pillar(125),))
-    events = concatenate(list(simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=1000.0))))
     settings = Settings(atsltd=AtsltdConfig(fine_max_duration_s=0.03, fine_min_duration_s=0.025))
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
     tracker.start("thing", scene.box("thing", 0.0), START_NS)
-    for frame in FrameSource("atsltd_fine", WIDTH, HEIGHT, settings).frames(events):
+    for frame in FrameSource("atsltd_fine", WIDTH, HEIGHT, settings).frames(events_of(scene)):
         (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
     assert overlap(report, scene.box("thing", (frame.stamp_ns - START_NS) * 1e-9)) > 0.5
 
