@@ -11,6 +11,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +22,7 @@ from ros_domains import fresh_domains
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOMAINS = fresh_domains()
-TIMEOUT_S = 60.0
+TIMEOUT_S, POLL_S = 60.0, 0.05
 INTERFACE = "camera_link"
 DISCOVERY_GROUP = "0100FFEF"
 """239.255.0.1, where Fast DDS announces itself, as /proc/net/igmp writes it."""
@@ -181,6 +182,8 @@ def _linked_hosts() -> Network:
         for host in (camera, compute):
             _run([*host._enter(), "ip", "address", "add", f"{host.address}/24", "dev", INTERFACE])
             _run([*host._enter(), "ip", "link", "set", INTERFACE, "up"])
+        for host in (camera, compute):
+            _wait_for_link(host)
     except NoNamespacesError:
         _release(camera)
         _release(compute)
@@ -206,7 +209,19 @@ def _release(host: Host) -> None:
         host.holder = None
 
 
-def _run(command: list[str]) -> None:
+def _wait_for_link(host: Host) -> None:
+    """Until the link works, which is up to a second after it is set up: Fast DDS leaves out for good an interface that
+    does not work yet when a process starts."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while "state UP" not in _run([*host._enter(), "ip", "link", "show", INTERFACE]):
+        if time.monotonic() > deadline_s:
+            msg = f"{INTERFACE} of {host.name} does not come up"
+            raise NoNamespacesError(msg)
+        time.sleep(POLL_S)
+
+
+def _run(command: list[str]) -> str:
     result = subprocess.run(command, capture_output=True, text=True)
     if result.returncode:
         raise NoNamespacesError(result.stderr.strip())
+    return result.stdout

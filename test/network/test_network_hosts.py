@@ -10,15 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from network_hosts import DOMAINS, REPOSITORY, TIMEOUT_S, Host, Network, network
+from network_hosts import DOMAINS, POLL_S, REPOSITORY, TIMEOUT_S, Host, Network, network
 
 CAMERA = "front"
 RECORDING = REPOSITORY / "bags" / "demo"
 FRAME_BYTES = 240 * 180 * 2
 SERVER_PORT = 11811
-POLL_S = 0.05
-FOUND_S, STARTS = 20.0, 4
-"""Now and then DDS never tells one host of a process on the other, until that is started again (docs/machines.md)."""
 
 
 class Machines:
@@ -27,7 +24,6 @@ class Machines:
     def __init__(self, hosts: Network, folder: Path) -> None:
         self.hosts = hosts
         self._folder = folder
-        self._tells_all: bool | None = None
         self._environment = {
             **hosts.environment(folder),
             "ROS_DOMAIN_ID": str(next(DOMAINS)),
@@ -40,7 +36,6 @@ class Machines:
         Args:
             tells_all: whether processes ask for everything there is, or for what they read and write.
         """
-        self._tells_all = tells_all
         server = shutil.which("fast-discovery-server", path=f"{Path(sys.executable).parent}") or "fast-discovery-server"
         address = self.hosts.camera.address
         command = [server, "--server-id", "0", "--udp-address", address, "--udp-port", str(SERVER_PORT)]
@@ -51,19 +46,7 @@ class Machines:
         self._environment |= {"ROS_DISCOVERY_SERVER": f"{address}:{SERVER_PORT}", "ROS_SUPER_CLIENT": is_super}
 
     def start(self, reconstruction: str) -> None:
-        """Driver and accumulator on the camera host, the tracker on the other, the reconstruction on either. They are
-        started again where they do not find each other."""
-        for _ in range(STARTS - 1):
-            self._start(reconstruction)
-            if self._found_all():
-                return
-            self.hosts.camera.stop()
-            self.hosts.compute.stop()
-            if self._tells_all is not None:
-                self.serve_discovery(tells_all=self._tells_all)
-        self._start(reconstruction)
-
-    def _start(self, reconstruction: str) -> None:
+        """Driver and accumulator on the camera host, the tracker on the other, the reconstruction on either."""
         events = ("-r", f"~/events:=/{CAMERA}/events")
         camera, compute = self.hosts.camera, self.hosts.compute
         truth = RECORDING / "boxes.csv"
@@ -73,12 +56,6 @@ class Machines:
         self._node(compute, "tracker", ros=("-p", f"targets_file:={truth}"))
         to_camera = ("-r", f"/event_camera/events:=/{CAMERA}/events")
         self._node(camera, "replay", str(RECORDING), "--loop", "--wait-for", "2", ros=to_camera)
-
-    def _found_all(self) -> bool:
-        """Whether the listener hears of the accumulator within a time, and the tracker of its frames."""
-        return self._comes_true(
-            lambda: bool(self.figure("accumulator", "frames") and self.figure("tracker", "frames received")), FOUND_S
-        )
 
     def boxes(self) -> int:
         """How many boxes have arrived."""
@@ -95,17 +72,12 @@ class Machines:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Fail with the logs where the condition never holds."""
-        if not self._comes_true(condition, TIMEOUT_S):
-            logs = (f"--- {path.name}\n{path.read_text()[-2000:]}" for path in sorted(self._folder.glob("*.log")))
-            pytest.fail("\n".join([f"waited in vain until {what}, on {self.hosts.kind}", *logs]))
-
-    def _comes_true(self, condition: Callable[[], bool], within_s: float) -> bool:
-        deadline_s = time.monotonic() + within_s
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not condition():
             if time.monotonic() > deadline_s:
-                return False
+                logs = (f"--- {path.name}\n{path.read_text()[-2000:]}" for path in sorted(self._folder.glob("*.log")))
+                pytest.fail("\n".join([f"waited in vain until {what}, on {self.hosts.kind}", *logs]))
             time.sleep(POLL_S)
-        return True
 
     def _listen(self) -> None:
         command = [
