@@ -9,9 +9,10 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.conversion import ENTROPY_TARGETS
 from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor, SearchRegions, nzge_interval
-from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
+from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
 from etd_ros.parameters import parameter
 from etd_ros.stream import StreamBatch
@@ -38,7 +39,7 @@ class Accumulator(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("accumulator", STAGES, AccumulatorOptions)
-        self._input = EventInput(self, self._on_events, self._is_read)
+        self._input = EventInput(self, self._on_events)
 
     def configure(self) -> None:
         """Make the converters."""
@@ -65,6 +66,10 @@ class Accumulator(EtdNode):
         if stages - {"stream"}:
             self.request(self._sources.forget)
 
+    def is_wanted(self) -> bool:
+        """Whether somebody reads what it makes."""
+        return self._frames.get_subscription_count() > 0
+
     def counts(self) -> dict[str, int]:
         """Counters whose rates are reported."""
         return {**self._input.counts(), "frames": self._figures.frames}
@@ -82,9 +87,6 @@ class Accumulator(EtdNode):
             "search regions": len(self._regions.boxes or ()),
             "frame subscribers": self._frames.get_subscription_count(),
         }
-
-    def _is_read(self) -> bool:
-        return self._frames.get_subscription_count() > 0
 
     def _on_regions(self, message: bytes) -> None:
         self.worker.submit_request(self._take_regions, message)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
@@ -21,43 +20,25 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
-from etd_ros.nodes.connections import FRAME_QOS, Arrivals, Input, reader_callbacks, writer_callbacks
+from etd_ros.nodes.connections import (
+    FRAME_QOS,
+    Arrivals,
+    Input,
+    reader_callbacks,
+    type_name_of,
+    writer_callbacks,
+)
 from etd_ros.nodes.figures import Latencies, Rates
-from etd_ros.nodes.node_parameters import AT_ONCE, NodeParameters
-from etd_ros.nodes.ros_errors import ros_refusals
+from etd_ros.nodes.node_parameters import AT_ONCE, NodeOptions, NodeParameters
+from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Remarks
+from etd_ros.nodes.ros_errors import ros_reason, ros_refusals
 from etd_ros.nodes.worker import Worker, WorkerCounters
-from etd_ros.parameters import Parameters, parameter
 from etd_ros.settings import Settings
 from etd_ros.warm_up import warm_up
 from msg_adapters import DiagnosticStatus, Level, encode_diagnostics
 
 SLOW_START_S = 2.0
-WARNING_PERIOD_S = 5.0
 DIAGNOSTICS_PERIOD_S = 1.0
-REMINDERS_PERIOD = 12
-"""What is missing is said again every so many warning periods, while it stays the same."""
-
-
-@dataclass(frozen=True, slots=True)
-class NodeOptions(Parameters):
-    """Parameters that every node has."""
-
-    AT_ONCE: ClassVar[frozenset[str]] = frozenset({"queue_mib", "queue_s"})
-    """Those that hold at once when they are set while the node runs."""
-
-    autostart: bool = parameter(True, "configure and activate at the start; else the life cycle's services do")
-    queue_mib: float = parameter(
-        64.0,
-        "longest queue of messages (MiB); beyond it the oldest are dropped and counted",
-        low=1.0,
-        high=4096.0,
-    )
-    queue_s: float = parameter(
-        0.08,
-        "longest wait of a message in the queue (s); beyond it the older half is dropped and counted",
-        low=0.001,
-        high=3600.0,
-    )
 
 
 class Phase(str, Enum):
@@ -103,11 +84,11 @@ class EtdNode(LifecycleNode):
         self._kept: dict[Phase, set[object]] = {}
         self._rates = Rates()
         self._reported_losses = 0
-        self._said: list[str] = []
-        self._reminder = 0
+        self._remarks = Remarks(self)
+        self._refuse_wrong_transitions()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.every(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
-        self._waiting_timer = self.every(WARNING_PERIOD_S, self._say_what_is_missing)
+        self._waiting_timer = self.every(REMARKS_PERIOD_S, self._remark)
 
     # --- what the nodes say they do
 
@@ -175,9 +156,15 @@ class EtdNode(LifecycleNode):
         """A reader whose messages the node waits for; `handle` gets each with when it came (s, monotonic)."""
         arrivals = Arrivals()
         reader = self.reader(kind, topic, lambda message: handle(message, arrivals.note()))
-        type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
         self.add_input(
-            Input(reader.topic_name, frozenset({type_name}), "reliable", provider, arrivals, wanted=self.is_wanted)
+            Input(
+                reader.topic_name,
+                frozenset({type_name_of(kind)}),
+                "reliable",
+                provider,
+                arrivals,
+                wanted=self.is_wanted,
+            )
         )
         return arrivals
 
@@ -198,8 +185,8 @@ class EtdNode(LifecycleNode):
             task()
 
     def warn(self, text: str) -> None:
-        """A warning, at most every few seconds from one place."""
-        self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
+        """A warning, the same one at most every few seconds."""
+        self._remarks.warn(text)
 
     def count_error(self, err: EtdError) -> None:
         """Bad input: warn, count, go on."""
@@ -207,7 +194,7 @@ class EtdNode(LifecycleNode):
         self.warn(f"{' '.join(str(err).split())} ({self.errors} so far)")
 
     def on_worker_error(self, err: Exception) -> None:
-        """What a thread does with what a task of its raises."""
+        """What is done with what a thread's task raises, or what comes by ROS and cannot be taken in."""
         if isinstance(err, EtdError):
             self.count_error(err)
             return
@@ -215,7 +202,7 @@ class EtdNode(LifecycleNode):
             return  # the node was told to leave while it worked: nothing can be published any more
         self.errors += 1
         text = "".join(traceback.format_exception(err))
-        self.get_logger().error(f"internal error, please report it:\n{text}", throttle_duration_sec=WARNING_PERIOD_S)
+        self.get_logger().error(f"internal error, please report it:\n{text}", throttle_duration_sec=REMARKS_PERIOD_S)
 
     # --- the life cycle
 
@@ -267,6 +254,24 @@ class EtdNode(LifecycleNode):
         """Let go of the node, and of the state machine, which would keep it and its shared memory."""
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
+
+    def _refuse_wrong_transitions(self) -> None:
+        """Answer who asks for what cannot be from here: rclpy would raise, and its caller never hear of it."""
+        service = self._service_change_state
+        change = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except RuntimeError as err:  # rclpy's own error for this has no public name
+                if not self.context.ok():
+                    raise
+                asked = request.transition.label or request.transition.id
+                self.warn(f"transition {asked} is refused: the node is {self.phase.value} ({ros_reason(err)})")
+                response.success = False
+                return response
+
+        service.callback = answer
 
     def _pass(self, phase: Phase, work: Callable[[], None]) -> TransitionCallbackReturn:
         try:
@@ -393,15 +398,13 @@ class EtdNode(LifecycleNode):
         missing = self.missing()
         if missing:
             return Level.STALE, "; ".join(missing)
+        if not self.is_wanted():
+            return Level.STALE, "idle: nobody reads what it makes, so it reads no events"
         level, words = self.level()
         if new_losses > 0:
             return max(level, Level.WARN), f"{words}, with losses"
         return level, words
 
-    def _say_what_is_missing(self) -> None:
-        """At once when it changes, and now and then while it lasts."""
-        sentences = self.missing() if self.phase is Phase.ACTIVE else []
-        self._reminder = 0 if sentences != self._said else self._reminder + 1
-        if sentences and self._reminder % REMINDERS_PERIOD == 0:
-            self.get_logger().info("; ".join(sentences))
-        self._said = sentences
+    def _remark(self) -> None:
+        self._remarks.say_what_is_missing(self.missing() if self.phase is Phase.ACTIVE else [])
+        self._remarks.say_what_has_another_type(needed.topic for needed in self._inputs)

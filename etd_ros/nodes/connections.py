@@ -5,10 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 EVENT_QOS = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -106,13 +110,7 @@ def reader_callbacks(node: Node, topic: str, qos: QoSProfile) -> SubscriptionEve
             f"from it: start it with {_in_words(qos)}, or remap this node to a topic that has it"
         )
 
-    def other_type(_: object) -> None:
-        found = sorted({info.topic_type for info in node.get_publishers_info_by_topic(topic)})
-        node.get_logger().warning(
-            f"{topic}: a publisher sends another type of message ({', '.join(found)}): remap one of the two"
-        )
-
-    return SubscriptionEventCallbacks(incompatible_qos=mismatch, incompatible_type=other_type)
+    return SubscriptionEventCallbacks(incompatible_qos=mismatch)
 
 
 def writer_callbacks(node: Node, topic: str, qos: QoSProfile) -> PublisherEventCallbacks:
@@ -125,13 +123,28 @@ def writer_callbacks(node: Node, topic: str, qos: QoSProfile) -> PublisherEventC
             f"nothing: have it subscribe with {_in_words(qos)}"
         )
 
-    def other_type(_: object) -> None:
-        found = sorted({info.topic_type for info in node.get_subscriptions_info_by_topic(topic)})
-        node.get_logger().warning(
-            f"{topic}: a subscriber expects another type of message ({', '.join(found)}): remap one of the two"
-        )
+    return PublisherEventCallbacks(incompatible_qos=mismatch)
 
-    return PublisherEventCallbacks(incompatible_qos=mismatch, incompatible_type=other_type)
+
+def other_types(node: Node, endpoint: Publisher | Subscription) -> list[str]:
+    """A sentence for each other node that has another type of message on the topic of a publisher or subscription:
+    nothing goes between the two."""
+    topic, own = endpoint.topic_name, type_name_of(endpoint.msg_type)
+    others = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
+    return [
+        f"{topic} is {own} here, but {info.topic_type} at {_full_name(info)}, so nothing arrives: remap one of the two"
+        for info in others
+        if info.topic_type != own
+    ]
+
+
+def type_name_of(kind: Any) -> str:
+    """The ROS name of a message class, such as sensor_msgs/msg/Image."""
+    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+
+
+def _full_name(info: TopicEndpointInfo) -> str:
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 def _policy_name(event: object) -> str:

@@ -97,15 +97,14 @@ class EventDecoding:
 class EventInput:
     """The subscription to `~/events` of a node.
 
-    It exists only while the node is active and `wanted()` says so, so that an idle node costs nothing, and takes
+    It exists only while the node is active and `is_wanted()` says so, so that an idle node costs nothing, and takes
     whichever of the known event types is published.
     """
 
-    def __init__(self, node: EtdNode, handle: BatchHandler, wanted: Callable[[], bool]) -> None:
+    def __init__(self, node: EtdNode, handle: BatchHandler) -> None:
         self.counters = EventCounters()
         self._node = node
         self._handle = handle
-        self._wanted = wanted
         self._topic = node.resolve_topic_name("~/events")
         self._subscription: Subscription | None = None
         self._decoding: EventDecoding | None = None
@@ -126,7 +125,7 @@ class EventInput:
                     "`--ros-args -r '~/events:=/your_camera/events'`"
                 ),
                 arrivals=self._arrivals,
-                wanted=self._wanted,
+                wanted=self._node.is_wanted,
             )
         )
 
@@ -157,7 +156,7 @@ class EventInput:
         return {**self.counters.diagnostics(), "reading events": self.subscribed}
 
     def _poll(self) -> None:
-        if not self._wanted():
+        if not self._node.is_wanted():
             self._unsubscribe()
         elif self._subscription is None:
             self._subscribe()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from etd_ros.parameters import Description, ParameterError, Parameters, from_mapping
+from etd_ros.parameters import Description, ParameterError, Parameters, from_mapping, parameter
 from etd_ros.parameters import described as described_options
 from etd_ros.settings import Settings, described_settings, settings_from_mapping
 
@@ -22,6 +23,28 @@ _FLOAT_MAX = sys.float_info.max
 _INT_MAX = 2**63 - 1
 
 OptionsT = TypeVar("OptionsT", bound=Parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeOptions(Parameters):
+    """Parameters that every node has."""
+
+    AT_ONCE: ClassVar[frozenset[str]] = frozenset({"queue_mib", "queue_s"})
+    """Those that hold at once when they are set while the node runs."""
+
+    autostart: bool = parameter(True, "configure and activate at the start; else the life cycle's services do")
+    queue_mib: float = parameter(
+        64.0,
+        "longest queue of messages (MiB); beyond it the oldest are dropped and counted",
+        low=1.0,
+        high=4096.0,
+    )
+    queue_s: float = parameter(
+        0.08,
+        "longest wait of a message in the queue (s); beyond it the older half is dropped and counted",
+        low=0.001,
+        high=3600.0,
+    )
 
 
 class NodeParameters:

@@ -59,7 +59,7 @@ class Pipeline(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("pipeline", tuple(STAGES), TrackingOptions)
-        self._input = EventInput(self, self._on_events, self._is_read)
+        self._input = EventInput(self, self._on_events)
 
     def configure(self) -> None:
         """Make the stages, each for a thread of its own."""
@@ -106,6 +106,12 @@ class Pipeline(EtdNode):
         if "reconstruction" in stages:
             self.request(lambda: self._in_imaging(self._image_sources.forget))
 
+    def is_wanted(self) -> bool:
+        """Whether somebody reads what it makes."""
+        return bool(
+            self._output.subscribers or self._frames.get_subscription_count() or self._images.get_subscription_count()
+        )
+
     def counts(self) -> dict[str, int]:
         """Counters whose rates are reported."""
         return {**self._input.counts(), "frames": self._figures.frames, **self._output.counts()}
@@ -150,11 +156,6 @@ class Pipeline(EtdNode):
             self._tracking.submit(task)
         else:
             task()
-
-    def _is_read(self) -> bool:
-        return bool(
-            self._output.subscribers or self._frames.get_subscription_count() or self._images.get_subscription_count()
-        )
 
     def _forget(self) -> None:
         self._tracker = None

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from sensor_msgs.msg import Image
 
 from etd_ros.cadence import Cadence
-from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.event_input import EventInput
+from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
 from etd_ros.parameters import parameter
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
@@ -38,7 +39,7 @@ class Reconstruction(EtdNode):
 
     def __init__(self) -> None:
         super().__init__("reconstruction", STAGES, ReconstructionOptions)
-        self._input = EventInput(self, self._on_events, self.is_wanted)
+        self._input = EventInput(self, self._on_events)
 
     def configure(self) -> None:
         """Start without a filter: the first event tells the sensor's size."""

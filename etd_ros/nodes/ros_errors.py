@@ -33,9 +33,14 @@ def ros_refusals() -> Iterator[None]:
         raise ros_error(err) from err
 
 
+def ros_reason(err: RuntimeError) -> str:
+    """What rclpy says, without the places in its sources."""
+    return str(err).partition(", at /")[0]
+
+
 def ros_error(err: RuntimeError) -> RosError:
-    """What rclpy says, without the places in its sources, and what to do."""
-    reason = str(err).partition(", at /")[0]
+    """What rclpy says, and what to do."""
+    reason = ros_reason(err)
     if os.environ.get("ROS_SECURITY_ENABLE") == "true":
         return RosError(
             f"ROS does not start with ROS_SECURITY_ENABLE=true ({reason}): it needs a middleware built with security, "

@@ -59,7 +59,7 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         node.finished.add_done_callback(lambda _: executor.wake())
         # Not spin_until_future_complete: that adds a callback to the future at every turn, which is never let go.
         while rclpy.ok() and not node.finished.done():
-            executor.spin_once()
+            _spin_once(executor, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:
@@ -74,6 +74,18 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     finally:
         _let_go(node, executor)
     return 0
+
+
+def _spin_once(executor: SingleThreadedExecutor, node: EtdNode) -> None:
+    """What cannot be taken in (a parameter of no type, a negative time on /clock, ...) must not end the node."""
+    try:
+        executor.spin_once()
+    except ExternalShutdownException:
+        raise
+    except Exception as err:
+        if not rclpy.ok():
+            raise
+        node.on_worker_error(err)
 
 
 @contextmanager

@@ -19,7 +19,8 @@ from etd_ros.afterglow import Afterglow, LastImage
 from etd_ros.boxes import Box
 from etd_ros.cadence import Cadence
 from etd_ros.errors import EtdError
-from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
 from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.worker import Task

@@ -14,8 +14,9 @@ from sensor_msgs.msg import Image
 
 from etd_ros.cadence import Cadence
 from etd_ros.engine import make_tracker
-from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.connections import Arrivals
+from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
 from etd_ros.parameters import parameter

@@ -4,15 +4,20 @@ import itertools
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from event_camera_msgs.msg import EventPacket
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.events import Events
-from etd_ros.nodes.connections import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
+from etd_ros.nodes.remarks import KINDS_PER_PERIOD, Throttle
 from msg_adapters import Level, decode_diagnostics, encode_event_packet
 
 EVENTS = "/event_camera/events"
@@ -129,3 +134,71 @@ def test_a_topic_of_another_type_is_named_with_the_cure(bench, topic):
     bench.start("tracker")
     bench.wait_until(lambda: f"{topic} carries" in bench.log("tracker"), "the type is said")
     assert f"{topic} carries std_msgs/msg/String, which is not sensor_msgs/msg/Image: remap" in bench.log("tracker")
+
+
+def test_a_detector_and_a_reader_of_another_type_are_named_with_the_cure(bench):
+    bench.node.create_publisher(String, "/pipeline/targets", 10)
+    bench.node.create_subscription(String, "/pipeline/detections", lambda _: None, 10)
+    bench.start("pipeline")
+    for topic in ("/pipeline/targets", "/pipeline/detections"):
+        line = (
+            f"{topic} is vision_msgs/msg/Detection2DArray here, but std_msgs/msg/String at /bench, so nothing arrives"
+        )
+        bench.wait_until(lambda line=line: line in bench.log("pipeline"), "the type is said")
+
+
+@pytest.mark.parametrize("name", ["accumulator", "reconstruction", "pipeline"])
+def test_a_node_whose_output_nobody_reads_says_that_it_is_idle(bench, repository, name):
+    outputs = {"accumulator": ("frames", Image), "reconstruction": ("image_raw", Image)}
+    topic, kind = outputs.get(name, ("detections", Detection2DArray))
+    arrivals: list[bytes] = []
+    reader = bench.node.create_subscription(kind, f"/{name}/{topic}", arrivals.append, FRAME_QOS, raw=True)
+    bench.start(name, ros=(*REMAP, *(("-p", "targets:=ball:30,30,20,20") if name == "pipeline" else ())))
+    if name == "reconstruction":
+        bench.start("accumulator", ros=REMAP)
+    bench.start("replay", str(repository / "bags" / "demo"), "--loop", "--wait-for", "1")
+    bench.wait_until(lambda: len(arrivals) > 10, "it works")
+    bench.node.destroy_subscription(reader)
+    bench.wait_until(lambda: bench.figure(name, "message").startswith("idle: nobody reads"), "it says that it is idle")
+    assert bench.figure(name, "level") == "STALE"
+    bench.listen(f"/{name}/{topic}", kind)
+    bench.wait_until(lambda: bench.figure(name, "level") not in ("", "STALE"), "it works again")
+
+
+def test_what_ros_cannot_take_in_is_counted_and_ends_no_node(bench):
+    clock = bench.node.create_publisher(Clock, "/clock", 10)
+    bench.start("tracker", ros=("-p", "use_sim_time:=true"))
+    bench.wait_until(lambda: clock.get_subscription_count() == 1, "the node follows the clock")
+
+    def errors() -> int:
+        return int(bench.figure("tracker", "errors") or 0)
+
+    def refuses_the_clock() -> bool:
+        clock.publish(Clock(clock=Time(sec=-1)))
+        return errors() > 0
+
+    bench.wait_until(refuses_the_clock, "the clock is refused")
+    bench.node.destroy_publisher(clock)
+    bench.wait_until(lambda: bench.node.count_publishers("/clock") == 0, "the clock is gone")
+    before = errors()
+    client = bench.node.create_client(SetParameters, "/tracker/set_parameters")
+    bench.wait_until(client.service_is_ready, "parameters can be set")
+    nothing = Parameter(name="queue_s", value=ParameterValue(type=99))
+    client.call_async(SetParameters.Request(parameters=[nothing]))
+    bench.wait_until(lambda: errors() > before, "the parameter is refused")
+    assert bench.set_parameter("tracker", "queue_s", 1.0) == (True, "")
+
+
+def test_a_warning_does_not_hide_another_and_comes_once_in_a_while():
+    throttle = Throttle(5.0)
+    assert throttle.lets("a target is off the sensor (1 so far)", 0.0)
+    assert not throttle.lets("a target is off the sensor (2 so far)", 4.9)
+    assert throttle.lets("garbage", 4.9)
+    assert throttle.lets("a target is off the sensor (3 so far)", 5.1)
+
+
+def test_ever_new_warnings_do_not_flood_the_log():
+    throttle = Throttle(5.0)
+    said = [throttle.lets(f"no target {chr(97 + second % 26) * (second + 1)}", 0.01 * second) for second in range(400)]
+    assert sum(said) == KINDS_PER_PERIOD
+    assert throttle.lets("another", 10.0)

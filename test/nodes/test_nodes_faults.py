@@ -56,7 +56,8 @@ def test_a_node_leaves_quietly_while_it_loads_its_libraries(bench, library, by):
 def test_a_node_that_is_told_to_leave_while_it_publishes_leaves_quietly(by):
     program = f"""
 import signal, time
-from etd_ros.nodes.base import EtdNode, NodeOptions
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.programs import run
 from etd_ros.nodes.running import run_node
 

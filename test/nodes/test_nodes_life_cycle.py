@@ -2,6 +2,8 @@
 
 import pytest
 from conftest import Bench
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
@@ -33,6 +35,18 @@ def test_a_node_goes_through_its_life_cycle_and_back_and_ends(bench, name):
     assert bench.change_state(name, "shutdown")
     assert process.wait(timeout=60) == 0
     assert "Traceback" not in bench.log(name)
+
+
+@pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker", "pipeline"])
+def test_a_transition_that_cannot_be_is_refused_and_the_node_goes_on(bench, name):
+    bench.start(name)
+    bench.wait_until(lambda: phase(bench, name) == "active", "it is active")
+    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE, 200):
+        request = ChangeState.Request(transition=Transition(id=number))
+        assert not bench.call(ChangeState, f"/{name}/change_state", request).success
+    assert "transition 1 is refused: the node is active" in bench.log(name)
+    assert bench.change_state(name, "deactivate", "activate")
+    bench.wait_until(lambda: phase(bench, name) == "active", "it goes on")
 
 
 def test_a_node_serves_its_topics_only_while_it_is_active(bench):
