@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,16 @@ BoxArray = npt.NDArray[np.float64]
 """Boxes as rows x, y, w, h; float64, shape (n, 4), pixels."""
 
 
+SIDE_MIN_PX = 2.0
+"""Shortest side of a box that a target starts at: of what is thinner no edge can be told from the one across."""
+
+
 class BoxError(EtdError):
     """A box that no object on this sensor can have."""
+
+
+class OffSensorError(BoxError):
+    """A box that would do, on another sensor."""
 
 
 class Box(NamedTuple):
@@ -36,6 +45,13 @@ class Box(NamedTuple):
             self.x - (factor - 1) * self.w / 2, self.y - (factor - 1) * self.h / 2, self.w * factor, self.h * factor
         )
 
+    def at_least(self, side_px: float) -> Box:
+        """The box, its shorter sides made so long (pixels) round the same middle."""
+        if self.w >= side_px and self.h >= side_px:
+            return self
+        (x, y), w, h = self.center, max(self.w, side_px), max(self.h, side_px)
+        return Box(x - w / 2, y - h / 2, w, h)
+
     def iou(self, other: Box) -> float:
         """Intersection over union of two boxes."""
         return float(iou(np.array([self], np.float64), other)[0])
@@ -44,18 +60,38 @@ class Box(NamedTuple):
         """Refuse a box that cannot hold an object of a width x height sensor.
 
         Raises:
-            BoxError: not finite, no area, or not one pixel on the sensor.
+            BoxError: not finite, or no area.
+            OffSensorError: not one pixel on the sensor.
         """
-        text = f"{name} (x {self.x:g}, y {self.y:g}, w {self.w:g}, h {self.h:g})"
-        if not np.isfinite(self).all():
-            msg = f"{text} is not finite: give four numbers in pixels"
+        self._check_area(name)
+        if self.x >= width or self.y >= height or self.x + self.w <= 0 or self.y + self.h <= 0:
+            msg = f"{self._text(name)} lies off the {width}x{height} sensor: give pixels from its top-left corner"
+            raise OffSensorError(msg)
+
+    def check_start(self, name: str = "box") -> None:
+        """Refuse a box that no target can start at, on whatever sensor.
+
+        Raises:
+            BoxError: not finite, no area, or a side below SIDE_MIN_PX.
+        """
+        self._check_area(name)
+        if self.w < SIDE_MIN_PX or self.h < SIDE_MIN_PX:
+            msg = (
+                f"{self._text(name)} is too small to be followed: "
+                f"width and height must be {SIDE_MIN_PX:g} pixels or more"
+            )
+            raise BoxError(msg)
+
+    def _check_area(self, name: str) -> None:
+        if not all(map(math.isfinite, self)):
+            msg = f"{self._text(name)} is not finite: give four numbers in pixels"
             raise BoxError(msg)
         if self.w <= 0 or self.h <= 0:
-            msg = f"{text} has no area: width and height must be above 0"
+            msg = f"{self._text(name)} has no area: width and height must be above 0"
             raise BoxError(msg)
-        if self.x >= width or self.y >= height or self.x + self.w <= 0 or self.y + self.h <= 0:
-            msg = f"{text} lies off the {width}x{height} sensor: give pixels from its top-left corner"
-            raise BoxError(msg)
+
+    def _text(self, name: str) -> str:
+        return f"{name} (x {self.x:g}, y {self.y:g}, w {self.w:g}, h {self.h:g})"
 
 
 def iou(boxes: BoxArray, box: Box) -> npt.NDArray[np.float64]:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etd_ros.boxes import Box, BoxError, iou, ious
+from etd_ros.boxes import Box, BoxError, OffSensorError, iou, ious
 
 boxes = st.builds(Box, *(st.floats(-100, 100),) * 2, *(st.floats(0.5, 100),) * 2)
 
@@ -64,3 +64,22 @@ def test_boxes_that_hold_no_object_are_refused(box, words):
 
 def test_a_box_over_the_border_is_accepted():
     Box(-3, 70, 20, 20).check(100, 80)
+
+
+def test_only_the_sensor_is_to_blame_for_a_box_that_lies_off_it():
+    with pytest.raises(OffSensorError):
+        Box(100, 0, 5, 5).check(100, 80)
+    with pytest.raises(BoxError) as refusal:
+        Box(100, 0, 0, 5).check(100, 80)
+    assert not isinstance(refusal.value, OffSensorError)
+
+
+@pytest.mark.parametrize("box", [Box(10, 10, 1e-9, 1e-9), Box(10, 10, 30, 1.9), Box(10, 10, 1.9, 30)])
+def test_no_target_starts_at_a_box_that_is_too_thin_to_be_followed(box):
+    box.check(100, 80)
+    with pytest.raises(BoxError, match="too small to be followed: width and height must be 2 pixels or more"):
+        box.check_start()
+    grown = box.at_least(2)
+    grown.check_start()
+    assert grown.center == pytest.approx(box.center)
+    assert grown.at_least(2) == grown

@@ -75,7 +75,7 @@ def run_system(
     Raises:
         CompareError: an unknown system, one that cannot be made, or a recording that it cannot be given.
         TargetError: two targets of one name, or one that starts before the recording.
-        BoxError: a box that lies off the sensor.
+        BoxError: a box that lies off the sensor, or is too small to be followed.
     """
     system = system_named(name)
     settings = settings or Settings()
@@ -87,6 +87,7 @@ def run_system(
         starts = targets if from_ns is None else _from_first_event(given, targets, settings)
         return _run_engine(system, given, starts, settings, threads=threads)
     for target in targets:
+        target.box.check_start(f"box of target {target.name!r}")
         target.box.check(recording.width, recording.height, f"box of target {target.name!r}")
     if system.feed == "video" and next(iter(recording.images()), None) is None:
         msg = (

@@ -5,7 +5,7 @@ from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.discovery import Discovery, DiscoveryConfig
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.methods import DEFAULT_METHOD, METHODS, Method, method_named
-from etd_ros.tracking.multi_tracker import MultiTracker
+from etd_ros.tracking.multi_tracker import MultiTracker, check_target
 from etd_ros.tracking.starter import Starter
 from etd_ros.tracking.target import Search, Target, TargetReport, TargetState, TrackerConfig
 
@@ -25,5 +25,6 @@ __all__ = [
     "TargetState",
     "TrackerConfig",
     "TrackingError",
+    "check_target",
     "method_named",
 ]

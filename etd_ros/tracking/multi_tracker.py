@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from etd_ros.boxes import Box
+from etd_ros.boxes import SIDE_MIN_PX, Box
 from etd_ros.detection import EdgeBoxes, Proposals
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_target import ContourTarget
@@ -36,6 +36,9 @@ class MultiTracker:
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
         searches: whether reports say how each target was looked for, to be drawn.
         starter: starts targets without a box: at clicks, or by themselves.
+
+    Attributes:
+        targets_max: where there are so many targets and clicks that wait, nothing starts by itself; None: no limit.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class MultiTracker:
         self._contours = contours
         self._searches = searches
         self._starter = starter
+        self.targets_max: int | None = None
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
         self._targets: dict[str, Target | ContourTarget] = {}
@@ -67,6 +71,11 @@ class MultiTracker:
     def targets(self) -> Mapping[str, Target | ContourTarget]:
         """The targets by name, in the order of their start (read-only)."""
         return MappingProxyType(self._targets)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the sensor (pixels)."""
+        return self._width, self._height
 
     def search_regions(self) -> list[Box] | None:
         """Where the targets that have started are looked for on the next frame (pixels); None if there are none."""
@@ -83,16 +92,28 @@ class MultiTracker:
 
         Raises:
             TrackingError: the name is unusable or taken, or the stamp is negative.
-            BoxError: the box is not finite, has no area or lies off the sensor.
+            BoxError: the box is not finite, has a side below SIDE_MIN_PX or lies off the sensor.
             RecoveryError: its recovery tracker cannot be made.
         """
         self._check_free(name)
-        if stamp_ns < 0:
-            msg = f"target {name!r} starts at {stamp_ns} ns: a stamp is 0 (the next frame) or above"
-            raise TrackingError(msg)
+        self._targets[name] = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
+
+    def start_again(self, name: str, box: Box, stamp_ns: int = 0) -> None:
+        """Track a target from another box on, or a new one; where that is refused, what is tracked goes on.
+
+        Raises:
+            TrackingError, BoxError, RecoveryError: as `start` does.
+        """
+        made = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
+        if name in self._targets or name in self.waiting_clicks:
+            self.stop(name)
+        self._targets[name] = made
+
+    def _checked(self, name: str, box: Box, stamp_ns: int) -> Box:
         box = Box(*map(float, box))
+        check_target(name, box, stamp_ns)
         box.check(self._width, self._height, f"box of target {name!r}")
-        self._targets[name] = self._made(name, box, stamp_ns)
+        return box
 
     def _made(self, name: str, box: Box, stamp_ns: int) -> Target | ContourTarget:
         if self._contours is None:
@@ -175,8 +196,14 @@ class MultiTracker:
             self._surface.take(stamp_ns, frame, start_ns)
         reports = self._reports(stamp_ns, frame, image)
         if self._starter is not None:
-            self._change(self._starter.take(stamp_ns, frame, reports))
+            self._change(self._starter.take(stamp_ns, frame, reports, self._room()))
         return reports
+
+    def _room(self) -> int | None:
+        """How many more there may be; None where that has no limit."""
+        if self.targets_max is None:
+            return None
+        return self.targets_max - len(self._targets) - len(self.waiting_clicks)
 
     def _go_back(self, stamp_ns: int) -> None:
         for name in self._starter.time_went_back() if self._starter is not None else ():
@@ -189,7 +216,7 @@ class MultiTracker:
         for name in changes.stops:
             self.stop(name)
         for name, box in changes.starts:
-            self.start(name, box, self._last_stamp_ns or 0)
+            self.start(name, box.at_least(SIDE_MIN_PX), self._last_stamp_ns or 0)
         self._notices += changes.notices
 
     def _reports(self, stamp_ns: int, frame: FrameData, image: FrameData | None) -> tuple[TargetReport, ...]:
@@ -218,6 +245,20 @@ class MultiTracker:
                 f"{what} is {pixels.dtype} {pixels.shape}, the {self._width}x{self._height} sensor's are uint8 {shape}"
             )
             raise TrackingError(msg)
+
+
+def check_target(name: str, box: Box, stamp_ns: int) -> None:
+    """Refuse a target that cannot start on any sensor.
+
+    Raises:
+        TrackingError: the name is unusable, or the stamp is negative.
+        BoxError: the box is not finite, or has a side below SIDE_MIN_PX.
+    """
+    _check_name(name)
+    if stamp_ns < 0:
+        msg = f"target {name!r} starts at {stamp_ns} ns: a stamp is 0 (the next frame) or above"
+        raise TrackingError(msg)
+    box.check_start(f"box of target {name!r}")
 
 
 def _check_name(name: str) -> None:

@@ -76,13 +76,20 @@ class Starter:
             self._auto.forget()
         return list(self._own)
 
-    def take(self, stamp_ns: int, frame: npt.NDArray[np.uint8], reports: Iterable[TargetReport]) -> Changes:
+    def take(
+        self,
+        stamp_ns: int,
+        frame: npt.NDArray[np.uint8],
+        reports: Iterable[TargetReport],
+        room: int | None = None,
+    ) -> Changes:
         """Take a frame and what it brought the targets.
 
         Args:
             stamp_ns: T_i (ns).
             frame: uint8, shape (height, width, 2).
             reports: of the targets that there are.
+            room: how many more there may be, beside the clicks that wait; None: no limit.
         """
         reports = tuple(reports)
         changes = Changes(stops=self._gone(stamp_ns, reports))
@@ -97,9 +104,11 @@ class Starter:
             self._auto.take()
             boxes = [report.box for report in kept if report.box is not None]
             boxes += [box for _, box in changes.starts]
-            room = self._config.max_targets - len(self._own) + len(changes.stops)
+            own_room = self._config.max_targets - len(self._own)
+            room = own_room if room is None else min(room, own_room)
             changes.starts += [
-                (self._next_name({report.name for report in reports}), box) for box in self._auto.ready(boxes, room)
+                (self._next_name({report.name for report in reports}), box)
+                for box in self._auto.ready(boxes, room + len(changes.stops))
             ]
         return changes
 

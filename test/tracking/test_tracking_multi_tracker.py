@@ -240,12 +240,24 @@ def test_other_names_are_taken(name):
     assert name in tracker.targets
 
 
-@pytest.mark.parametrize("box", [Box(0, 0, 0, 10), Box(500, 0, 10, 10), Box(float("nan"), 0, 10, 10)])
+@pytest.mark.parametrize("box", [Box(0, 0, 0, 10), Box(500, 0, 10, 10), Box(float("nan"), 0, 10, 10), Box(9, 9, 1, 10)])
 def test_impossible_boxes_are_refused_and_leave_no_target(box):
     tracker = tracker_with()
     with pytest.raises(BoxError, match="'a'"):
         tracker.start("a", box)
     assert not tracker.targets
+
+
+def test_a_target_starts_again_at_another_box_and_goes_on_where_that_is_refused():
+    tracker = tracker_with()
+    tracker.start_again("a", A)
+    tracker.start_again("a", B)
+    for wrong in (Box(500, 0, 10, 10), Box(0, 0, 1, 1)):
+        with pytest.raises(BoxError, match="'a'"):
+            tracker.start_again("a", wrong)
+    (report,) = tracker.update(stamp(1), frame_with(A, B))
+    assert report.state is TRACKING
+    assert iou(np.array([report.box]), B)[0] > 0.9
 
 
 def test_a_negative_stamp_is_refused():

@@ -80,6 +80,17 @@ def test_no_more_targets_start_by_themselves_than_are_allowed():
     assert list(tracker.targets) == ["auto_1", "auto_2", "auto_3"]
 
 
+def test_nothing_starts_by_itself_where_others_have_taken_all_places():
+    scene, frames = frames_of("crowd", 0.25)
+    tracker = tracker_of(scene)
+    tracker.targets_max = 3
+    tracker.start("mine", Box(2, 2, 10, 10), frames[-1].stamp_ns)
+    tracker.click(Click("clicked", 5, 5, frames[-1].stamp_ns))
+    for frame in frames[:-1]:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert list(tracker.targets) == ["mine", "auto_1"]
+
+
 def test_a_target_that_has_left_is_dropped():
     scene, frames = frames_of("exit", 1.9)
     tracker = tracker_of(scene, gone_s=0.1)
