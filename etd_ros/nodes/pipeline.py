@@ -16,7 +16,8 @@ from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
 from etd_ros.nodes.running import run_node
-from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.nodes.target_input import TargetInput
+from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
 from etd_ros.nodes.worker import Inline, Relay, Task
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch

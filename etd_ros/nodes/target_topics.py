@@ -1,16 +1,15 @@
-"""Targets in, boxes and states out: the topics that `tracker` and `pipeline` share."""
+"""Boxes and states out, and `~/reset`: what `tracker` and `pipeline` share, beside the targets that come in."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection2DArray
@@ -18,23 +17,17 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.afterglow import Afterglow, LastImage
 from etd_ros.boxes import Box
 from etd_ros.cadence import Cadence
-from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
-from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.worker import Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import parameter
-from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import DEFAULT_METHOD, METHODS, Click, MultiTracker, TargetReport, TargetState
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, TargetReport, TargetState
 from msg_adapters import (
     Detection,
-    DetectionsMessage,
     DiagnosticStatus,
     Level,
-    decode_detections,
-    decode_point,
     encode_detections,
     encode_diagnostics,
     encode_image,
@@ -52,9 +45,17 @@ LEVELS = {
 class TrackingOptions(NodeOptions):
     """Parameters of the nodes that track."""
 
+    AT_ONCE: ClassVar[frozenset[str]] = NodeOptions.AT_ONCE | {"targets_max"}
+
     method: str = parameter(DEFAULT_METHOD, "tracking method", choices=tuple(METHODS))
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
     targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
+    targets_max: int = parameter(
+        64,
+        "most targets that are followed at once, whatever started them; a new one has the place of one lost for long",
+        low=1,
+        high=1000,
+    )
     auto: bool = parameter(False, "moving objects become targets auto_1, auto_2, ... by themselves")
     memory_file: str = parameter(
         "", "file for the targets' last boxes, written five times a second: a node that starts again takes them back"
@@ -66,189 +67,10 @@ class TrackingOptions(NodeOptions):
 
 OVERLAYS_PER_S = 30
 """Frames come by the hundred a second; more pictures than that would cost a network more than events do."""
-MEMORY_PERIOD_S = 0.2
-UNNAMED_MAX = 64
-"""Most boxes and clicks without a name that are targets at once: a detector that names nothing sends ever new ones."""
-
-
-class TargetInput:
-    """The targets that were asked for: by parameters, by boxes on `~/targets`, and by clicks on `~/clicked_point`.
-
-    A box of width and height 0 stops the target of its id.
-
-    Args:
-        node: whose parameters and topic they are.
-        submit: runs a task in the tracker's thread, where the targets are started; by default that is the worker's.
-
-    Raises:
-        EtdError: the targets of the parameters, or the memory's file, cannot be read.
-    """
-
-    def __init__(self, node: EtdNode, submit: Callable[[Task], None] = lambda task: task()) -> None:
-        self._node = node
-        self._submit = submit
-        self._memory = TargetMemory(Path(node.options.memory_file) if node.options.memory_file else None)
-        self._targets = {target.name: target for target in _from_options(node.options)}
-        self._new: dict[str, TargetStart] = {}
-        self._stopped: set[str] = set()
-        self._clicks: list[Click] = []
-        self._numbers = {"target": 0, "point": 0}
-        self._unnamed: set[str] = set()
-        self._has_begun = False
-
-    def __len__(self) -> int:
-        return len(self._targets)
-
-    def open(self) -> None:
-        """Listen."""
-        self._node.reader(Detection2DArray, "~/targets", self._receive)
-        self._node.reader(PointStamped, "~/clicked_point", self._receive_point)
-        self._node.every(MEMORY_PERIOD_S, self._remember)
-
-    def missing(self) -> list[str]:
-        """What is missing where there is nothing to track, in a sentence."""
-        if self._targets or self._unnamed or self._node.options.auto:
-            return []
-        boxes, points = (self._node.resolve_topic_name(topic) for topic in ("~/targets", "~/clicked_point"))
-        return [
-            f"waiting for targets on {boxes} (vision_msgs/msg/Detection2DArray, reliable): publish boxes there or "
-            f"points on {points}, or set the parameter targets, targets_file or auto"
-        ]
-
-    def start_all(self, tracker: MultiTracker, stamp_ns: int, first_ns: int) -> None:
-        """Start every target on a new tracker: at its box, or where the node's last life has left it.
-
-        Args:
-            tracker: the new tracker.
-            stamp_ns: of its first frame (ns).
-            first_ns: earliest time (ns) that the first data may be of. Targets that start before it are counted as
-                errors when the node begins; they are tracked from the next frame on.
-        """
-        self._new.clear()
-        self._stopped.clear()
-        taken_back = set() if self._has_begun else self._take_back(tracker, stamp_ns)
-        for target in tuple(self._targets.values()):
-            if target.name in taken_back:
-                continue
-            self._start(tracker, target)
-            if not self._has_begun:
-                self._check_start(target, first_ns)
-        self._has_begun = True
-
-    def note(self, stamp_ns: int, tracker: MultiTracker, reports: tuple[TargetReport, ...]) -> None:
-        """What a frame brought: remembered, and said in the log where clicks start nothing."""
-        self._memory.note(stamp_ns, reports)
-        for notice in tracker.take_notices():
-            self._node.get_logger().warning(notice)
-        self._unnamed.intersection_update({*self._targets, *tracker.targets, *tracker.waiting_clicks})
-
-    def _take_back(self, tracker: MultiTracker, stamp_ns: int) -> set[str]:
-        """Start targets where the memory has them; returns the names of all that it has."""
-        remembered = self._memory.recall(stamp_ns)
-        for target in remembered:
-            if target.was_lost:
-                self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
-                continue
-            start = TargetStart(target.name, target.box)
-            self._targets.setdefault(target.name, start)
-            self._start(tracker, start)
-            self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
-        return {target.name for target in remembered}
-
-    def _remember(self) -> None:
-        try:
-            self._memory.save()
-        except EtdError as err:
-            self._node.count_error(err)
-
-    def start_new(self, tracker: MultiTracker) -> None:
-        """Stop, start, or start again the targets that came since the last call."""
-        for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
-            tracker.stop(name)
-        for target in self._new.values():
-            self._start(tracker, target)
-        for click in self._clicks:
-            self._click(tracker, click)
-        self._stopped.clear()
-        self._new.clear()
-        self._clicks.clear()
-
-    def _click(self, tracker: MultiTracker, click: Click) -> None:
-        try:
-            tracker.click(click)
-        except EtdError as err:
-            self._node.count_error(err)
-
-    def _start(self, tracker: MultiTracker, target: TargetStart) -> None:
-        try:
-            if target.name in tracker.targets:
-                tracker.stop(target.name)
-            tracker.start(target.name, target.box, target.stamp_ns)
-        except EtdError as err:
-            self._targets.pop(target.name, None)
-            self._node.count_error(err)
-
-    def _check_start(self, target: TargetStart, first_ns: int) -> None:
-        try:
-            target.check_start(first_ns)
-        except TargetError as err:
-            self._node.count_error(err)
-
-    def _receive(self, message: bytes) -> None:
-        self._node.worker.submit_request(self._decode, message)
-
-    def _decode(self, message: bytes) -> None:
-        decoded = decode_detections(message)
-        self._submit(lambda: self._take(decoded))
-
-    def _take(self, decoded: DetectionsMessage) -> None:
-        for detection in decoded.detections:
-            name = detection.id or detection.class_id
-            if detection.box.w == 0 and detection.box.h == 0:
-                self._stop(name)
-                continue
-            try:
-                name = name or self._next_name("target")
-            except TargetError as err:
-                self._node.count_error(err)
-                break
-            target = TargetStart(name, detection.box, decoded.stamp_ns)
-            self._targets[name] = target
-            self._new[name] = target
-
-    def _stop(self, name: str) -> None:
-        self._targets.pop(name, None)
-        self._new.pop(name, None)
-        self._stopped.add(name)
-
-    def _receive_point(self, message: bytes) -> None:
-        self._node.worker.submit_request(self._decode_point, message)
-
-    def _decode_point(self, message: bytes) -> None:
-        # Whoever clicks means what is there now, whichever clock his viewer stamps by.
-        point = decode_point(message)
-        self._submit(lambda: self._clicks.append(Click(self._next_name("point"), point.x, point.y)))
-
-    def _next_name(self, kind: str) -> str:
-        """A name for what came without one.
-
-        Raises:
-            TargetError: there are too many already.
-        """
-        if len(self._unnamed) >= UNNAMED_MAX:
-            msg = (
-                f"more than {UNNAMED_MAX} targets came without a name: give each detection an id that stays the same "
-                "from message to message, and stop what is gone by a box of size 0"
-            )
-            raise TargetError(msg)
-        self._numbers[kind] += 1
-        name = f"{kind}_{self._numbers[kind]}"
-        self._unnamed.add(name)
-        return name
 
 
 class ResetService:
-    """`~/reset`: has `forget` called, after which every target starts again."""
+    """`~/reset`: has `forget` called, after which every target that was given a box starts again."""
 
     def __init__(self, node: EtdNode, forget: Task) -> None:
         self._node = node
@@ -257,7 +79,10 @@ class ResetService:
 
     def _on_request(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._node.request(self._forget)
-        response.success, response.message = True, "every target starts again at its box"
+        response.success = True
+        response.message = (
+            "every target with a box starts again at it; those that a click or motion started are forgotten"
+        )
         return response
 
 
@@ -353,8 +178,3 @@ class TrackingOutput:
             hardware_id=frame_id,
             values=(("target", report.name), ("state", report.state.value), ("score", repr(report.score))),
         )
-
-
-def _from_options(options: TrackingOptions) -> list[TargetStart]:
-    from_file = targets_from_file(Path(options.targets_file)) if options.targets_file else []
-    return unique_targets([*from_file, *map(parse_target, filter(None, options.targets.split(";")))])

@@ -18,7 +18,8 @@ from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.connections import Arrivals
 from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
-from etd_ros.nodes.target_topics import ResetService, TargetInput, TrackingOptions, TrackingOutput
+from etd_ros.nodes.target_input import TargetInput
+from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
 from etd_ros.parameters import parameter
 from etd_ros.tracking import MultiTracker, method_named
 from msg_adapters import ImageMessage, Layout, Level, MessageError, decode_image
@@ -34,7 +35,7 @@ FIRST_FRAME_MAX_NS = 1_000_000_000
 class TrackerOptions(TrackingOptions):
     """Parameters of the tracker."""
 
-    AT_ONCE: ClassVar[frozenset[str]] = NodeOptions.AT_ONCE | {"image_wait_s"}
+    AT_ONCE: ClassVar[frozenset[str]] = TrackingOptions.AT_ONCE | {"image_wait_s"}
 
     image_wait_s: float = parameter(
         1.0, "longest wait for the intensity image of a frame before it is tracked without (s)", low=0.0, high=60.0

@@ -37,6 +37,7 @@ def test_a_node_that_tracks_can_be_reset(bench, name):
     answer = client.call_async(Trigger.Request())
     bench.wait_until(answer.done, "the service answers")
     assert answer.result().success
+    assert "those that a click or motion started are forgotten" in answer.result().message
     assert bench.end(name) == 0
 
 
@@ -71,3 +72,4 @@ def test_a_click_starts_what_moves_there_and_one_beside_the_sensor_is_counted(be
     box = min(rows, key=lambda row: abs(row.stamp_ns - stamp_ns)).box
     points.publish(encode_point(PointMessage(0, "", *box.center)))
     bench.wait_until(lambda: detections_of(bench) == {"point_2"}, "what was clicked is tracked")
+    bench.wait_until(lambda: bench.figure("pipeline", "targets") == "1", "it is counted among the targets")

@@ -1,0 +1,344 @@
+"""Targets in: those of the parameters, boxes and clicks, and what becomes of them from sensor to sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from geometry_msgs.msg import PointStamped
+from vision_msgs.msg import Detection2DArray
+
+from etd_ros.boxes import OffSensorError
+from etd_ros.errors import EtdError
+from etd_ros.nodes.base import WARNING_PERIOD_S, EtdNode
+from etd_ros.nodes.target_limits import START_AHEAD_MAX_S, EventClock, LostTimes, Refusals, named
+from etd_ros.nodes.target_memory import TargetMemory
+from etd_ros.nodes.target_topics import TrackingOptions
+from etd_ros.nodes.worker import Task
+from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
+from etd_ros.tracking import Click, MultiTracker, TargetReport, check_target
+from msg_adapters import DetectionsMessage, PointMessage, decode_detections, decode_point
+
+MEMORY_PERIOD_S = 0.2
+SENSORS_SAID_MAX = 16
+"""Sensor sizes of which it is said which targets they do not hold: more than these are nobody's cameras."""
+
+
+class TargetInput:
+    """The targets that were asked for: by parameters, by boxes on `~/targets`, and by clicks on `~/clicked_point`.
+
+    A box of width and height 0 stops the target of its id. All that are followed, those that start by themselves among
+    them, are `targets_max` at most: beyond it what is new is refused, unless a target that is lost for long, and not of
+    the parameters, makes room. A target whose box the sensor does not hold waits for one that does.
+
+    Args:
+        node: whose parameters and topic they are.
+        submit: runs a task in the tracker's thread, where the targets are started; by default that is the worker's.
+
+    Raises:
+        EtdError: the targets of the parameters, or the memory's file, cannot be read, or are more than `targets_max`.
+    """
+
+    def __init__(self, node: EtdNode, submit: Callable[[Task], None] = lambda task: task()) -> None:
+        self._node = node
+        self._submit = submit
+        self._memory = TargetMemory(Path(node.options.memory_file) if node.options.memory_file else None)
+        self._targets = {target.name: target for target in _from_options(node.options)}
+        self._configured = set(self._targets)
+        self._new: dict[str, TargetStart] = {}
+        self._stopped: set[str] = set()
+        self._clicks: list[Click] = []
+        self._numbers = {"target": 0, "point": 0}
+        self._in_tracker: set[str] = set()
+        self._followed = 0
+        self._has_begun = False
+        self._clock = EventClock()
+        self._lost = LostTimes()
+        self._refusals = Refusals(node)
+        self._off_said: dict[tuple[int, int], set[str]] = {}
+
+    def __len__(self) -> int:
+        """How many are followed, or will be from the first frame on."""
+        return self._followed if self._has_begun else len(self._targets | self._new)
+
+    def open(self) -> None:
+        """Listen."""
+        self._node.reader(Detection2DArray, "~/targets", self._receive)
+        self._node.reader(PointStamped, "~/clicked_point", self._receive_point)
+        self._node.every(MEMORY_PERIOD_S, self._remember)
+
+    def missing(self) -> list[str]:
+        """What is missing where there is nothing to track, in a sentence."""
+        if self._targets or self._new or self._clicks or self._in_tracker or self._node.options.auto:
+            return []
+        boxes, points = (self._node.resolve_topic_name(topic) for topic in ("~/targets", "~/clicked_point"))
+        return [
+            f"waiting for targets on {boxes} (vision_msgs/msg/Detection2DArray, reliable): publish boxes there or "
+            f"points on {points}, or set the parameter targets, targets_file or auto"
+        ]
+
+    # --- what the tracker's thread calls, frame by frame
+
+    def start_all(self, tracker: MultiTracker, stamp_ns: int, first_ns: int) -> None:
+        """Start every target on a new tracker: at its box, or where the node's last life has left it.
+
+        Args:
+            tracker: the new tracker.
+            stamp_ns: of its first frame (ns).
+            first_ns: earliest time (ns) that the first data may be of. Targets that start before it are counted as
+                errors when the node begins; they are tracked from the next frame on.
+        """
+        self._clock.note(stamp_ns)
+        if not self._has_begun:
+            # Until now there was nothing to compare them with.
+            ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
+            self._refuse_ahead([self._new.pop(name) for name in ahead])
+        self._targets |= self._new
+        self._new.clear()
+        self._stopped.clear()
+        self._in_tracker.clear()
+        self._lost = LostTimes()
+        taken_back = {} if self._has_begun else self._take_back(stamp_ns)
+        off_sensor = {}
+        for target in tuple(self._targets.values()):
+            start = taken_back.get(target.name, target)
+            if start is None:
+                continue
+            err = _started(tracker, start)
+            if isinstance(err, OffSensorError):
+                off_sensor[target.name] = err
+            elif err is not None:
+                self._forget(target.name)
+                self._refusals.note("box", str(err))
+            if not self._has_begun and target.name not in taken_back:
+                self._check_start(target, first_ns)
+        self._say_off_sensor(tracker.size, off_sensor)
+        self._has_begun = True
+
+    def start_new(self, tracker: MultiTracker) -> None:
+        """Stop, start, or start again the targets that came since the last call."""
+        tracker.targets_max = self._node.options.targets_max
+        for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
+            tracker.stop(name)
+        for target in self._new.values():
+            err = _started(tracker, target)
+            is_followed = target.name in tracker.targets
+            if err is None or (isinstance(err, OffSensorError) and not is_followed):
+                self._targets[target.name] = target
+            if err is not None:
+                then = "what is followed under this name goes on" if is_followed else "kept for one that holds it"
+                self._refusals.note("box", f"{err}; {then}" if isinstance(err, OffSensorError) else str(err))
+        for click in self._clicks:
+            try:
+                tracker.click(click)
+            except EtdError as err:
+                self._refusals.note("click", str(err))
+        self._stopped.clear()
+        self._new.clear()
+        self._clicks.clear()
+
+    def note(self, stamp_ns: int, tracker: MultiTracker, reports: tuple[TargetReport, ...]) -> None:
+        """What a frame brought: remembered, and said in the log where clicks start nothing."""
+        self._memory.note(stamp_ns, reports)
+        for notice in tracker.take_notices():
+            self._node.get_logger().warning(notice)
+        self._clock.note(stamp_ns)
+        self._lost.note(stamp_ns, reports)
+        self._in_tracker = {*tracker.targets, *tracker.waiting_clicks}
+        self._followed = len(tracker.targets)
+
+    def _take_back(self, stamp_ns: int) -> dict[str, TargetStart | None]:
+        """The targets as the memory has them, as far as there is room; None for those that were lost."""
+        starts: dict[str, TargetStart | None] = {}
+        for target in self._memory.recall(stamp_ns):
+            if target.was_lost:
+                self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
+                starts[target.name] = None
+            elif target.name in self._targets or len(self._targets) < self._node.options.targets_max:
+                starts[target.name] = start = TargetStart(target.name, target.box)
+                self._targets.setdefault(target.name, start)
+                self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
+            else:
+                self._refuse_for_room([target.name])
+        return starts
+
+    def _say_off_sensor(self, size: tuple[int, int], refused: dict[str, OffSensorError]) -> None:
+        """Count and say once for each sensor which targets it does not hold."""
+        said = self._off_said.get(size, set())
+        new = [name for name in refused if name not in said]
+        if not new:
+            return
+        others = f". So do {named(new[1:])}" if new[1:] else ""
+        text = (
+            f"{refused[new[0]]}{others}. What is off the sensor is kept, and starts at its box once a sensor holds it"
+        )
+        if size in self._off_said or len(self._off_said) < SENSORS_SAID_MAX:
+            self._off_said[size] = set(refused)
+            self._refusals.say(text, len(new))
+        else:
+            self._refusals.note("sensor", text, len(new))
+
+    def _check_start(self, target: TargetStart, first_ns: int) -> None:
+        try:
+            target.check_start(first_ns)
+        except TargetError as err:
+            self._refusals.note("early", str(err))
+
+    # --- what comes
+
+    def _receive(self, message: bytes) -> None:
+        self._node.worker.submit_request(self._decode, message)
+
+    def _decode(self, message: bytes) -> None:
+        decoded = decode_detections(message)
+        self._submit(lambda: self._take(decoded))
+
+    def _receive_point(self, message: bytes) -> None:
+        self._node.worker.submit_request(self._decode_point, message)
+
+    def _decode_point(self, message: bytes) -> None:
+        point = decode_point(message)
+        self._submit(lambda: self._take_point(point))
+
+    def _take(self, decoded: DetectionsMessage) -> None:
+        """Stop targets, and have others start on the next frame. Stops come first, as they make room."""
+        starts = []
+        for detection in decoded.detections:
+            name = detection.id or detection.class_id
+            if detection.box.w == 0 and detection.box.h == 0:
+                self._stop(name)
+            else:
+                starts.append(TargetStart(name, detection.box, decoded.stamp_ns))
+        if starts and self._is_ahead(decoded.stamp_ns):
+            self._refuse_ahead(starts)
+        else:
+            self._take_starts(starts)
+
+    def _take_starts(self, starts: Sequence[TargetStart]) -> None:
+        """Take as many as there is room for; a message may name thousands."""
+        held = self._held()
+        leaving = self._leaving({start.name for start in starts})
+        wrong: list[EtdError] = []
+        refused: list[str] = []
+        for start in starts:
+            try:
+                check_target(start.name or "target", start.box, start.stamp_ns)
+            except EtdError as err:
+                wrong.append(err)
+                continue
+            if start.name not in held and not self._has_room(held, leaving):
+                refused.append(start.name)
+                continue
+            name = start.name or self._next_name("target", held)
+            held.add(name)
+            self._new[name] = TargetStart(name, start.box, start.stamp_ns)
+        if wrong:
+            more = f" ({len(wrong)} boxes of one message are wrong)" if len(wrong) > 1 else ""
+            self._refusals.note("box", f"{wrong[0]}{more}", len(wrong))
+        if refused:
+            self._refuse_for_room(refused)
+
+    def _take_point(self, point: PointMessage) -> None:
+        # Whoever clicks means what is there now, whichever clock his viewer stamps by.
+        held = self._held()
+        name = self._next_name("point", held)
+        if self._has_room(held, self._leaving(set())):
+            self._clicks.append(Click(name, point.x, point.y))
+        else:
+            self._refuse_for_room([name])
+
+    def _stop(self, name: str) -> None:
+        if name in self._in_tracker or name in self._targets:
+            self._stopped.add(name)
+        self._forget(name)
+        self._new.pop(name, None)
+        self._in_tracker.discard(name)
+        self._clicks = [click for click in self._clicks if click.name != name]
+
+    def _forget(self, name: str) -> None:
+        self._targets.pop(name, None)
+        self._configured.discard(name)
+
+    def _remember(self) -> None:
+        try:
+            self._memory.save()
+        except EtdError as err:
+            self._node.count_error(err)
+
+    # --- who may be followed
+
+    def _held(self) -> set[str]:
+        """The names of all that are followed, or wait to be."""
+        return {*self._targets, *self._new, *self._in_tracker, *(click.name for click in self._clicks)}
+
+    def _leaving(self, kept: set[str]) -> Iterator[str]:
+        """Who makes room for new ones, in this order: those that no sensor holds, and those that are lost for long."""
+        waiting = [name for name in self._targets if self._has_begun and name not in self._in_tracker]
+        kept = {*kept, *self._configured, *self._new}
+        return iter([name for name in (*waiting, *self._lost.long_lost()) if name not in kept])
+
+    def _has_room(self, held: set[str], leaving: Iterator[str]) -> bool:
+        """Whether there is room for one more, which those that leave may make; `held` has them no more."""
+        while len(held) >= self._node.options.targets_max:
+            name = next(leaving, None)
+            if name is None:
+                return False
+            self._stop(name)
+            held.discard(name)
+            self._node.get_logger().info(
+                f"target {name!r}, which is lost or off the sensor, makes room for a new one",
+                throttle_duration_sec=WARNING_PERIOD_S,
+            )
+        return True
+
+    def _refuse_for_room(self, names: Sequence[str]) -> None:
+        self._refusals.note(
+            "room",
+            f"{len(names)} new targets ({named(names)}) are refused, as targets_max = {self._node.options.targets_max} "
+            "are followed: give each object an id that stays the same from message to message, stop what is gone by "
+            "a box of size 0, or set targets_max higher",
+            len(names),
+        )
+
+    def _is_ahead(self, stamp_ns: int) -> bool:
+        return self._clock.ahead_s(stamp_ns) > START_AHEAD_MAX_S
+
+    def _refuse_ahead(self, starts: Sequence[TargetStart]) -> None:
+        if not starts:
+            return
+        self._refusals.note(
+            "clock",
+            f"{len(starts)} targets ({named([start.name for start in starts])}) are refused, as they start "
+            f"{self._clock.ahead_s(starts[0].stamp_ns):.0f} s after the newest events: the sender's clock is "
+            "ahead of the events', or another: stamp a box as the events are stamped in which it was seen, or 0: now",
+            len(starts),
+        )
+
+    def _next_name(self, kind: str, held: set[str]) -> str:
+        """A name for what came without one."""
+        name = ""
+        while not name or name in held:
+            self._numbers[kind] += 1
+            name = f"{kind}_{self._numbers[kind]}"
+        return name
+
+
+def _started(tracker: MultiTracker, target: TargetStart) -> EtdError | None:
+    """Start a target, or start it again; why it cannot be."""
+    try:
+        tracker.start_again(target.name, target.box, target.stamp_ns)
+    except EtdError as err:
+        return err
+    return None
+
+
+def _from_options(options: TrackingOptions) -> list[TargetStart]:
+    from_file = targets_from_file(Path(options.targets_file)) if options.targets_file else []
+    targets = unique_targets([*from_file, *map(parse_target, filter(None, options.targets.split(";")))])
+    if len(targets) > options.targets_max:
+        msg = (
+            f"targets and targets_file name {len(targets)} targets, more than targets_max = {options.targets_max}: "
+            "name fewer, or set targets_max higher"
+        )
+        raise TargetError(msg)
+    return targets
