@@ -17,7 +17,7 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.events import Events
 from etd_ros.nodes.connections import FRAME_QOS
-from etd_ros.nodes.target_limits import LOST_MIN_S, LostTimes
+from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import (
     Detection,
@@ -35,6 +35,7 @@ EMPTY_CORNER = Box(2.0, 150.0, 20.0, 20.0)
 FOR_EVER_NS = 2 * 10**18
 """Later than any stamp of the recording, and than today."""
 S_NS = 1_000_000_000
+FIRST_NS = 1_700_000_000 * S_NS
 
 
 def boxes_at(box: Box, *names: str, stamp_ns: int = 0) -> bytes:
@@ -196,6 +197,32 @@ def test_a_box_stamped_by_a_clock_that_is_ahead_is_refused_and_what_is_followed_
     assert states.keys() == {"ball", "drum", "later"}
     assert states["later"] == "idle", "those of the parameters may wait"
     assert states["ball"] != "idle"
+
+
+def test_a_box_for_a_later_time_of_a_looping_bag_waits_for_it_in_every_round(bench, repository):
+    states: list[str] = []
+
+    def take(message: bytes) -> None:
+        for status in decode_diagnostics(message).statuses:
+            if not states or states[-1] != status.message:
+                states.append(status.message)
+
+    bench.listen("/pipeline/status", DiagnosticArray, take)
+    bench.start("pipeline", ros=REMAP)
+    sender(bench).publish(boxes_at(BALL, "ball", stamp_ns=FIRST_NS + S_NS))
+    bench.start("replay", str(repository / "bags" / "demo"), "--loop", "--wait-for", "1")
+    bench.wait_until(lambda: states.count("idle") == 3, "a third round begins")
+    assert states[:2] == ["idle", "tracking"]
+    assert errors(bench) == 0
+
+
+def test_the_events_clock_goes_on_before_a_quiet_scene_and_is_not_known_before_the_first():
+    clock = EventClock()
+    assert clock.ahead_s(FOR_EVER_NS) == 0.0
+    clock.note(FIRST_NS)
+    first_s = clock.ahead_s(FIRST_NS + 20 * S_NS)
+    assert START_AHEAD_MAX_S < clock.ahead_s(FIRST_NS + 20 * S_NS) <= first_s <= 20.0
+    assert clock.ahead_s(FIRST_NS - S_NS) == 0.0
 
 
 def test_a_box_without_room_for_an_object_is_refused_and_what_is_followed_goes_on(bench, repository):
