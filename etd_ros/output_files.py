@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import IO, Any, TextIO
 
 from etd_ros.errors import EtdError
 
@@ -38,20 +38,28 @@ def write_beside(path: Path, content: bytes | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with renamed_at_the_end(path) as partial:
-        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+    with renamed_at_the_end(path) as partial, partial.open("wb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        _bring_to_disk(file)
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[TextIO]:
+def written_beside(path: Path, *, outlives_power: bool = True) -> Iterator[TextIO]:
     """A UTF-8 text file under a temporary name, lines ended as they are written, that gets its own name only when the
     block succeeds.
+
+    Args:
+        path: of the file.
+        outlives_power: whether it shall be whole after a power cut, too. Waiting for the disk is some milliseconds, or
+            seconds where something else writes much to it.
 
     Raises:
         OutputError: the file cannot be written.
     """
     with renamed_at_the_end(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         yield file
+        if outlives_power:
+            _bring_to_disk(file)
 
 
 @contextmanager
@@ -72,6 +80,12 @@ def renamed_at_the_end(path: Path) -> Iterator[Path]:
     finally:
         if partial.is_file():
             partial.unlink()
+
+
+def _bring_to_disk(file: IO[Any]) -> None:
+    """Before it is renamed: a disk may write the new name before the content, and lose power in between."""
+    file.flush()
+    os.fsync(file.fileno())
 
 
 def _check_regular(path: Path) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from etd_ros.tracking import TargetReport
 
 REQUIRED_COLUMNS = ("stamp_ns", "target", "x", "y", "w", "h")
-COLUMNS = (*REQUIRED_COLUMNS, "score", "state")
+TRACKS_COLUMNS = (*REQUIRED_COLUMNS, "score", "state")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +43,24 @@ class TrackRow:
 class TracksWriter:
     """Writes a TRACKS.csv; the file appears under its name only when the `with` block succeeds.
 
+    Args:
+        path: of the file.
+        outlives_power: as `written_beside` has it.
+
     Raises:
         OutputError: on entry or exit, the file cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, outlives_power: bool = True) -> None:
         self._path = path
+        self._outlives_power = outlives_power
         self._stack = ExitStack()
         self._writer: Any = None
 
     def __enter__(self) -> TracksWriter:
-        file = self._stack.enter_context(written_beside(self._path))
+        file = self._stack.enter_context(written_beside(self._path, outlives_power=self._outlives_power))
         self._writer = csv.writer(file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        self._writer.writerow(TRACKS_COLUMNS)
         return self
 
     def __exit__(
