@@ -10,7 +10,8 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.boxes import OffSensorError
 from etd_ros.errors import EtdError
-from etd_ros.nodes.base import WARNING_PERIOD_S, EtdNode
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.remarks import REMARKS_PERIOD_S
 from etd_ros.nodes.target_limits import START_AHEAD_MAX_S, EventClock, LostTimes, Refusals, named
 from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.target_topics import TrackingOptions
@@ -42,7 +43,8 @@ class TargetInput:
     def __init__(self, node: EtdNode, submit: Callable[[Task], None] = lambda task: task()) -> None:
         self._node = node
         self._submit = submit
-        self._memory = TargetMemory(Path(node.options.memory_file) if node.options.memory_file else None)
+        memory_file, targets_file = _path(node.options.memory_file), _path(node.options.targets_file)
+        self._memory = TargetMemory(memory_file, filter(None, [targets_file]), node.get_logger().warning)
         self._targets = {target.name: target for target in _from_options(node.options)}
         self._configured = set(self._targets)
         self._new: dict[str, TargetStart] = {}
@@ -287,7 +289,7 @@ class TargetInput:
             held.discard(name)
             self._node.get_logger().info(
                 f"target {name!r}, which is lost or off the sensor, makes room for a new one",
-                throttle_duration_sec=WARNING_PERIOD_S,
+                throttle_duration_sec=REMARKS_PERIOD_S,
             )
         return True
 
@@ -330,6 +332,10 @@ def _started(tracker: MultiTracker, target: TargetStart) -> EtdError | None:
     except EtdError as err:
         return err
     return None
+
+
+def _path(text: str) -> Path | None:
+    return Path(text) if text else None
 
 
 def _from_options(options: TrackingOptions) -> list[TargetStart]:

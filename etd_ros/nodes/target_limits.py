@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 
-from etd_ros.nodes.base import WARNING_PERIOD_S, EtdNode
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.remarks import REMARKS_PERIOD_S
 from etd_ros.tracking import TargetReport, TargetState
 
 START_AHEAD_MAX_S = 10.0
@@ -72,7 +73,7 @@ class Refusals:
     def note(self, reason: str, text: str, count: int = 1) -> None:
         """So many targets were refused for a reason; `text` says what, why, and what to do."""
         now_s = time.monotonic()
-        if now_s - self._said_s.get(reason, -WARNING_PERIOD_S) < WARNING_PERIOD_S:
+        if now_s - self._said_s.get(reason, -REMARKS_PERIOD_S) < REMARKS_PERIOD_S:
             self._node.errors += count
             return
         self._said_s[reason] = now_s
