@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import traceback
 from collections.abc import Callable, Iterable
 from enum import Enum
@@ -20,14 +19,8 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
-from etd_ros.nodes.connections import (
-    FRAME_QOS,
-    Arrivals,
-    Input,
-    reader_callbacks,
-    type_name_of,
-    writer_callbacks,
-)
+from etd_ros.nodes.compile_notice import compile_notice
+from etd_ros.nodes.connections import FRAME_QOS, Arrivals, Input, reader_callbacks, type_name_of, writer_callbacks
 from etd_ros.nodes.figures import Latencies, Rates
 from etd_ros.nodes.node_parameters import AT_ONCE, NodeOptions, NodeParameters
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Remarks
@@ -37,7 +30,6 @@ from etd_ros.settings import Settings
 from etd_ros.warm_up import warm_up
 from msg_adapters import DiagnosticStatus, Level, encode_diagnostics
 
-SLOW_START_S = 2.0
 DIAGNOSTICS_PERIOD_S = 1.0
 
 
@@ -353,12 +345,8 @@ class EtdNode(LifecycleNode):
     def _warm_up(self) -> None:
         """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""
         text = "compiling for this machine, which takes a few seconds to a minute; the next start finds it done"
-        notice = threading.Timer(SLOW_START_S, self.get_logger().info, (text,))
-        notice.start()
-        try:
+        with compile_notice(lambda: self.get_logger().info(text)):
             warm_up(self._stages)
-        finally:
-            notice.cancel()
 
     def _change_parameters(self, names: set[str]) -> None:
         self.settings = self._declared.settings()

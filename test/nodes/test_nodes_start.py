@@ -45,10 +45,28 @@ def test_a_node_loads_no_library_that_it_does_not_use(repository, node):
     assert not loaded & {"rosbags", "aedat", "matplotlib", "skimage", "rich"}
 
 
-def test_a_first_start_says_that_it_compiles_and_runs_then(bench, tmp_path, monkeypatch):
+NOTICE = """
+from etd_ros.nodes.compile_notice import compile_notice
+from etd_ros.warm_up import warm_up
+with compile_notice(lambda: print("compiling")):
+    warm_up(["stream"])
+"""
+
+
+def test_only_a_start_that_compiles_says_so_and_only_once(repository, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert [python(repository, "-c", NOTICE).stdout for _ in range(2)] == ["compiling\n", ""]
+
+
+def test_a_first_start_says_that_it_compiles_and_the_next_finds_it_done(bench, tmp_path, monkeypatch):
     cache = tmp_path / "cache"
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
     bench.start("reconstruction")
     bench.wait_until(lambda: "reconstruction" in bench.diagnostics, "the reconstruction runs")
     assert bench.log("reconstruction").count("compiling for this machine") == 1
     assert list(cache.rglob("*.nbi"))
+    assert bench.end("reconstruction") == 0
+    bench.diagnostics.clear()
+    bench.start("reconstruction")
+    bench.wait_until(lambda: "reconstruction" in bench.diagnostics, "it runs again")
+    assert "compiling" not in bench.log("reconstruction")
