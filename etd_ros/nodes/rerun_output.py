@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import ExitStack
 from queue import Full, Queue
 
@@ -70,14 +71,17 @@ class RerunOutput:
             self._node.warn(f"the Rerun viewer does not keep up: {self._dropped} frames were not logged so far")
 
     def close(self) -> None:
-        """Finish the log; a file gets its name."""
+        """Finish the log; a file gets its name. A viewer that does not answer is not waited for: the SDK would wait for
+        ever."""
         if self._thread is None:
             return
+        start_s = time.monotonic()
         try:
             self._queue.put(None, timeout=self._close_s)
         except Full:
             return
-        self._thread.join(self._close_s)
+        waited_s = time.monotonic() - start_s
+        self._thread.join(None if self._close_s is None else max(self._close_s - waited_s, 0.0))
 
     def _run(self, stack: ExitStack, log: RerunLog) -> None:
         try:

@@ -1,5 +1,7 @@
 """What the nodes log to the Rerun viewer, and the overlay for the other ones."""
 
+import socket
+
 from rerun_files import logged
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
@@ -28,6 +30,16 @@ def test_pipeline_logs_its_boxes_though_nobody_else_reads_any(bench, repository,
     assert len(found["nzge"]) == len(found["boxes"]) == len(found["scores/ball"])
     assert 3 <= len(found["events"]) < len(found["boxes"])
     assert [path.name for path in tmp_path.iterdir() if "rrd" in path.name] == ["log.rrd"]
+
+
+def test_a_viewer_that_never_answers_keeps_no_node_from_its_end(bench, repository):
+    bag = repository / "bags" / "demo"
+    with socket.create_server(("127.0.0.1", 0)) as viewer:
+        address = f"rerun+http://127.0.0.1:{viewer.getsockname()[1]}/proxy"
+        bench.start("pipeline", ros=(*EVENTS, "-p", f"targets_file:={bag / 'boxes.csv'}", "-p", f"rerun:={address}"))
+        bench.start("replay", str(bag), "--loop", "--wait-for", "1")
+        bench.wait_until(lambda: frames_tracked(bench, "pipeline") > 300, "frames are tracked")
+        assert bench.end("pipeline") == 0
 
 
 def test_a_log_that_cannot_be_written_is_one_line(bench):
