@@ -16,6 +16,9 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     """Add the command to the command line."""
     parser = subparsers.add_parser("replay", help="publish a recording on ROS topics", description=__doc__)
     add_replay_options(parser)
+    parser.add_argument(
+        "--ros-args", nargs=argparse.REMAINDER, default=[], metavar="...", help="all that follows is for ROS: -r A:=B"
+    )
     parser.set_defaults(run=run)
 
 
@@ -30,4 +33,4 @@ def run(options: argparse.Namespace) -> int:
     except ModuleNotFoundError as err:
         msg = f"replay needs ROS 2, but {err.name} cannot be imported: run `make setup`, or source your ROS 2"
         raise RosMissingError(msg) from err
-    return replay.run(options)
+    return replay.run(options, ["replay", "--ros-args", *options.ros_args])

@@ -16,7 +16,6 @@ from builtin_interfaces.msg import Time
 from event_camera_msgs.msg import EventPacket
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rosgraph_msgs.msg import Clock
@@ -25,8 +24,9 @@ from sensor_msgs.msg import Image
 from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
+from etd_ros.nodes.arguments import own_arguments, warn_of_unknown_parameters
 from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
-from etd_ros.nodes.ros_errors import ros_error, ros_refusals
+from etd_ros.nodes.ros_errors import ros_refusals
 from etd_ros.nodes.running import start_ros
 from etd_ros.recordings import RecordedMessage, Recording, open_recording
 from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
@@ -109,6 +109,7 @@ class Replay(Node):
     def __init__(self, recording: Recording, *, rate: float, clock: bool) -> None:
         with ros_refusals():
             super().__init__("replay")
+        warn_of_unknown_parameters(self)
         self.stopped = threading.Event()
         self.context.on_shutdown(self.stopped.set)
         self._rate = rate
@@ -160,14 +161,17 @@ class Replay(Node):
             self._clock_publisher.publish(Clock(clock=Time(sec=now_ns // 10**9, nanosec=now_ns % 10**9)))
 
 
-def run(options: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
-    """Replay as the options say.
+def run(options: argparse.Namespace, ros_arguments: list[str]) -> int:
+    """Replay as the options say; ROS's arguments have the program's name before them.
 
     Raises:
         EtdError: the recording cannot be read, or an option is out of range.
     """
     if not 0 < options.rate <= 1000:
         msg = f"--rate {options.rate:g} is out of range (0, 1000]: 1 is the recorded pace"
+        raise ReplayError(msg)
+    if options.wait_for < 0:
+        msg = f"--wait-for {options.wait_for} is out of range: give a number of subscribers, 0 not to wait"
         raise ReplayError(msg)
     with open_recording(options.recording, topic=options.topic, size=options.size) as recording:
         start_ros(ros_arguments)
@@ -207,24 +211,12 @@ def _play_with_progress(node: Replay, recording: Recording, loop: bool) -> None:
                 progress.remove_task(task)
 
 
-def _own_arguments(arguments: list[str]) -> list[str]:
-    """The program's arguments without those that are ROS's.
-
-    Raises:
-        RosError: ROS's ones are wrong.
-    """
-    try:
-        return list(remove_ros_args(arguments)[1:])
-    except RuntimeError as err:
-        raise ros_error(err) from err
-
-
 def main() -> int:
     """Entry point of `ros2 run etd_ros replay`."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
     add_replay_options(parser)
     try:
-        return run(parser.parse_args(_own_arguments(sys.argv)), sys.argv)
+        return run(parser.parse_args(own_arguments(sys.argv)), sys.argv)
     except EtdError as err:
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
         return 2

@@ -15,6 +15,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 
 from etd_ros.errors import EtdError
+from etd_ros.nodes.arguments import refuse_stray_words
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.memory import hold_memory
 from etd_ros.nodes.programs import LEAVE, handled
@@ -48,6 +49,7 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     sys.setswitchinterval(THREAD_SWITCH_S)
     try:
         with _beginning() as beginning:
+            refuse_stray_words(arguments)
             start_ros(arguments, SignalHandlerOptions.NO)
             node = make()
             beginning.made()

@@ -14,3 +14,41 @@ def test_arguments_that_ros_refuses_are_one_line_and_exit_code_2(bench, reposito
     assert len(lines) == 1
     assert arguments[1] in lines[0]
     assert "Traceback" not in bench.log(name)
+
+
+@pytest.mark.parametrize("name", ["accumulator", "pipeline"])
+def test_words_that_mean_nothing_are_one_line_and_exit_code_2(bench, name):
+    assert bench.start(name, "targets:=ball:1,2,3,4", "auto").wait(timeout=60) == 2
+    (line,) = bench.log(name).splitlines()
+    assert line.startswith("etd_ros: targets:=ball:1,2,3,4 auto: ")
+    assert "--ros-args -p NAME:=VALUE" in line
+
+
+def warnings_of(bench, name: str) -> list[str]:
+    return [line for line in bench.log(name).splitlines() if "no parameters of this node" in line]
+
+
+def test_parameters_that_a_node_does_not_have_are_one_warning_with_what_may_be_meant(bench):
+    bench.start("pipeline", ros=("-p", "tagets:=ball:1,2,3,4", "-p", "noise_filter.windows_s:=0.1", "-p", "xyzzy:=1"))
+    bench.wait_until(lambda: bench.figure("pipeline", "life cycle") == "active", "the node runs all the same")
+    (line,) = warnings_of(bench, "pipeline")
+    for part in ("tagets (is targets meant?)", "noise_filter.windows_s (is noise_filter.window_s meant?)", ", xyzzy ("):
+        assert part in line
+
+
+def test_parameters_of_other_nodes_and_known_ones_are_no_warning(bench, tmp_path, repository):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters: {queue_s: 3600.0, use_sim_time: false}\n"
+        "/other:\n  ros__parameters: {tagets: nothing}\n"
+        "/pipeline:\n  ros__parameters: {auto: true, noise_filter: {window_s: 0.01}}\n"
+    )
+    bench.start("pipeline", ros=("--params-file", str(file)))
+    bench.wait_until(lambda: bench.figure("pipeline", "life cycle") == "active", "the node runs")
+    assert not warnings_of(bench, "pipeline")
+
+
+def test_replay_names_what_it_leaves_out_too(bench, repository):
+    bench.start("replay", str(repository / "bags" / "demo"), ros=("-p", "rate:=2.0"))
+    bench.wait_until(lambda: bool(warnings_of(bench, "replay")), "it says so")
+    assert "left out: rate (harmless" in warnings_of(bench, "replay")[0]

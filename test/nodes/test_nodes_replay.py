@@ -1,6 +1,9 @@
 """replay publishes what was recorded, when it was recorded."""
 
+import os
 import signal
+import subprocess
+import sys
 
 import pytest
 from event_camera_msgs.msg import EventPacket
@@ -38,6 +41,26 @@ def test_a_loop_starts_again_until_it_is_interrupted(bench, data, by):
     bench.start("replay", str(recording_path), "--loop")
     bench.wait_until(lambda: len(bench.messages[topic]) > 3 * sent, "the fourth round has begun")
     assert bench.end("replay", by) == 0, bench.log("replay")
+
+
+def test_it_cannot_wait_for_less_than_no_subscriber(bench, repository):
+    assert bench.start("replay", str(repository / "bags" / "demo"), "--wait-for", "-1").wait(timeout=60) == 2
+    assert "--wait-for -1 is out of range" in bench.log("replay")
+
+
+def test_the_command_takes_what_is_for_ros(bench, data, repository):
+    recording_path = data / "drivers" / "mono_1280x720"
+    with open_recording(recording_path) as recording:
+        topic, sent = recording.topic, sum(message.is_events for message in replay_messages(recording))
+    bench.listen("/elsewhere", EventPacket, events=True)
+    subprocess.run(
+        [sys.executable, "-m", "etd_ros", "replay", recording_path, "--ros-args", "-r", f"{topic}:=/elsewhere"],
+        cwd=repository,
+        env={**os.environ, "ROS_DOMAIN_ID": str(bench.domain)},
+        check=True,
+        timeout=60,
+    )
+    bench.wait_until(lambda: len(bench.messages["/elsewhere"]) == sent, "every message has come")
 
 
 def test_other_recordings_are_sent_as_mono_packets_with_the_same_events(data):

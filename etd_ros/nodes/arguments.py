@@ -1,0 +1,68 @@
+"""What stands on a node's command line and means nothing to it is said, instead of being passed over."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterable
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.utilities import remove_ros_args
+
+from etd_ros.errors import EtdError
+from etd_ros.nodes.ros_errors import ros_error
+
+
+class ArgumentError(EtdError):
+    """A word on the command line that means nothing."""
+
+
+def own_arguments(arguments: list[str]) -> list[str]:
+    """The program's arguments without its name and without those that are ROS's.
+
+    Raises:
+        RosError: ROS's ones are wrong.
+    """
+    try:
+        return list(remove_ros_args(arguments)[1:])
+    except RuntimeError as err:
+        raise ros_error(err) from err
+
+
+def refuse_stray_words(arguments: list[str] | None) -> None:
+    """For nodes that take nothing but what is ROS's.
+
+    Args:
+        arguments: the program's, its name first; None for those of this process.
+
+    Raises:
+        ArgumentError: something stands outside of --ros-args.
+        RosError: ROS's arguments are wrong.
+    """
+    stray = own_arguments(sys.argv if arguments is None else arguments)
+    if stray:
+        msg = f"{' '.join(stray)}: unknown: parameters and remappings are written as --ros-args -p NAME:=VALUE -r A:=B"
+        raise ArgumentError(msg)
+
+
+def warn_of_unknown_parameters(node: Node) -> None:
+    """In one line, after the node has declared its own.
+
+    What was given for all nodes cannot be told from what was given for this one, so it is never refused.
+    """
+    with node.handle:
+        given = node.handle.get_parameters(Parameter)
+    unknown = sorted(name for name in given if not node.has_parameter(name))
+    if unknown:
+        known = list(node.get_parameters_by_prefix(""))
+        words = ", ".join(_with_nearest(name, known) for name in unknown)
+        node.get_logger().warning(
+            f"no parameters of this node, left out: {words} (harmless where other nodes are meant; "
+            f"`ros2 param list {node.get_fully_qualified_name()}` has those that there are)"
+        )
+
+
+def _with_nearest(name: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"{name} (is {near[0]} meant?)" if near else name
