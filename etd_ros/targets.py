@@ -88,6 +88,15 @@ def parse_target(text: str) -> TargetStart:
     return TargetStart(name, Box(x, y, w, h), stamp_ns)
 
 
+def targets_from_text(text: str) -> list[TargetStart]:
+    """Targets as `parse_target` reads them, separated by `;`.
+
+    Raises:
+        TargetError: one of them has another form, or a name occurs twice.
+    """
+    return unique_targets(map(parse_target, filter(None, text.split(";"))))
+
+
 def parse_click(text: str) -> Click:
     """A click from `NAME:X,Y` or `NAME:X,Y@STAMP_NS`.
 

@@ -16,7 +16,7 @@ from etd_ros.nodes.target_limits import START_AHEAD_MAX_S, EventClock, LostTimes
 from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
-from etd_ros.targets import TargetError, TargetStart, parse_target, targets_from_file, unique_targets
+from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets_from_text, unique_targets
 from etd_ros.tracking import Click, MultiTracker, TargetReport, check_target
 from msg_adapters import DetectionsMessage, PointMessage, decode_detections, decode_point
 
@@ -340,7 +340,7 @@ def _path(text: str) -> Path | None:
 
 def _from_options(options: TrackingOptions) -> list[TargetStart]:
     from_file = targets_from_file(Path(options.targets_file)) if options.targets_file else []
-    targets = unique_targets([*from_file, *map(parse_target, filter(None, options.targets.split(";")))])
+    targets = unique_targets([*from_file, *targets_from_text(options.targets)])
     if len(targets) > options.targets_max:
         msg = (
             f"targets and targets_file name {len(targets)} targets, more than targets_max = {options.targets_max}: "

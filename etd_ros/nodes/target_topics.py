@@ -22,7 +22,8 @@ from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
 from etd_ros.nodes.worker import Task
 from etd_ros.overlay import draw_overlay
-from etd_ros.parameters import parameter
+from etd_ros.parameters import ParameterError, parameter
+from etd_ros.targets import TargetError, targets_from_text
 from etd_ros.tracking import DEFAULT_METHOD, METHODS, TargetReport, TargetState
 from msg_adapters import (
     Detection,
@@ -63,6 +64,14 @@ class TrackingOptions(NodeOptions):
     rerun: str = parameter(
         "", "logs to the Rerun viewer: FILE.rrd, `spawn` to start one, or the address of one that runs"
     )
+
+    def __post_init__(self) -> None:
+        NodeOptions.__post_init__(self)  # not super(): slots make another class of this one
+        try:
+            targets_from_text(self.targets)
+        except TargetError as err:
+            msg = f"parameter targets: {err}"
+            raise ParameterError(msg) from err
 
 
 OVERLAYS_PER_S = 30

@@ -53,3 +53,28 @@ def test_the_values_that_it_has_already_may_be_set_again_and_others_later(bench)
     assert bench.set_parameter("tracker", "queue_s", 0.5) == (True, "")
     assert bench.set_parameter("tracker", "tracking.failure_iou", 0.4) == (True, "")
     bench.wait_until(lambda: "tracking.failure_iou: holds" in bench.log("tracker"), "it says when that holds")
+
+
+@pytest.mark.parametrize("node", ["tracker", "pipeline"])
+def test_what_cannot_be_is_refused_before_the_node_is_configured_too(bench, node, tmp_path):
+    bench.start(node, ros=("-p", "autostart:=false"))
+    bench.wait_until(lambda: bench.figure(node, "life cycle") == "unconfigured", "the node is there")
+    for name, value, reason in (
+        ("targets", "bad", "'bad' is not NAME:X,Y,W,H"),
+        ("targets", "ball:1,2,3,4;ball:1,2,3,4", "given twice"),
+        ("method", "best", "choose one of"),
+        ("image_wait_s" if node == "tracker" else "queue_s", -1.0, "range"),
+    ):
+        succeeded, why = bench.set_parameter(node, name, value)
+        assert not succeeded, name
+        assert reason in why
+    assert bench.set_parameter(node, "targets", "ball:1,2,3,4@5;drum:5,6,7,8") == (True, "")
+    assert bench.set_parameter(node, "targets_file", str(tmp_path / "later.csv")) == (True, "")
+    assert not bench.change_state(node, "configure")
+    assert "later.csv" in bench.log(node)
+
+
+def test_targets_that_cannot_be_end_the_start_with_one_line(bench):
+    assert bench.start("tracker", ros=("-p", "targets:=bad")).wait(timeout=60) == 2
+    (line,) = [line for line in bench.log("tracker").splitlines() if line.startswith("etd_ros:")]
+    assert "'bad' is not NAME:X,Y,W,H" in line
