@@ -16,7 +16,6 @@ from etd_ros.cadence import Cadence
 from etd_ros.engine import make_tracker
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.connections import Arrivals
-from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_input import TargetInput
 from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
