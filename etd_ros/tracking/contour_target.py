@@ -19,6 +19,7 @@ from etd_ros.recovery.interface import Found, RecoveryTracker
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, EVENTS_MIN, ContourSearch, Standing
 from etd_ros.tracking.contours import ContourConfig, Contours, Look
 from etd_ros.tracking.start_up import StartUp
+from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, TargetReport, TargetState, TrackerConfig
 from etd_ros.tracking.usual_looks import UsualLooks
@@ -39,6 +40,10 @@ KNOWN_MIN = 0.3
 JUMP_MIN_PX, JUMP_RATE, JUMPS, JUMP_SPEEDS = 0.5, 0.08, 4.0, 2.0
 """A look that finds the target farther from where it should be than JUMPS times what is usual (an average that looks
 renew by JUMP_RATE; JUMP_MIN_PX at least) is of something else, unless motion by so many times the speed explains it."""
+CONFIDENCE_STEADY = 0.9
+"""From where on a look says how the target usually moves; below, one that strays from that is doubted."""
+STEADYING_S = 0.1
+"""A target that is drawn along gets its usual motion back in this time."""
 FAILING_S, LEAVING_S = 0.3, 0.12
 """So long looks may fail before the target counts as lost; the second at the border of the sensor."""
 FORGIVING = 2.0
@@ -87,6 +92,7 @@ class ContourTarget:
         self._start_up: StartUp | None
         self._recovery: RecoveryTracker | None
         self._usual: UsualLooks
+        self._steady: SteadyMotion
         self._confidence: float
         self._answer: Future[Found | None] | None
         self._held: Box | None
@@ -144,6 +150,7 @@ class ContourTarget:
         self._contours.stop()
         self._searched_at_ns = self._remembered_at_ns = stamp_ns
         self._sure = None
+        self._steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._before = Standing.of(self._contours)
             self._search_from(stamp_ns, has_left=False)
@@ -154,6 +161,7 @@ class ContourTarget:
         self._start_up = StartUp(self._contours)
         self._recovery = self._recovery_factory() if self._recovery_factory else None
         self._usual = UsualLooks()
+        self._steady = SteadyMotion()
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
         self._searched_at_ns = self._updated_ns = 0
@@ -210,12 +218,15 @@ class ContourTarget:
             if confidence > self._confidence:
                 look, self._confidence = turned, confidence
                 contours.turn(look.direction)
+        strays = self._doubt_if_it_strays(look, stamp_ns, elapsed_s)
         self._note_if_sure(elapsed_s)
         doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
         if doubt > 0:
             self._doubt(elapsed_s * doubt)
         trust = 1.0 - doubt
         jump_px = float(np.hypot(look.x - x, look.y - y))
+        if strays and doubt > 0:
+            contours.go_on_at(self._steady.velocity, doubt * min(1.0, elapsed_s / STEADYING_S))
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
@@ -242,6 +253,20 @@ class ContourTarget:
         speed_px_s = max(contours.speed_px_s, self._usual_speed_px_s)
         could_px = self._jump_max_px + JUMP_SPEEDS * speed_px_s * unsure_s
         return could_px / max(could_px, float(np.hypot(look.x - x, look.y - y)))
+
+    def _doubt_if_it_strays(self, look: Look, stamp_ns: int, elapsed_s: float) -> bool:
+        """Doubt a look that finds the target changed where following it would change how the target usually moves:
+        what covers it draws its box along. Whether it is such a look."""
+        if self._settling:
+            self._steady.forget()
+            return False
+        velocity = self._contours.velocity_to(look.x, look.y, stamp_ns)
+        if self._confidence >= CONFIDENCE_STEADY:
+            self._steady.learn(velocity, elapsed_s)
+            return False
+        plausible = self._steady.plausible(velocity)
+        self._confidence *= plausible
+        return plausible < 1
 
     def _look_for_change(self, look: Look, stamp_ns: int) -> Look:
         """A look at what the target was like lately, if that fits better: it, or what is behind it, has changed."""
@@ -343,6 +368,7 @@ class ContourTarget:
         elif search.is_unsettled:
             self._settling = SETTLING_LOOKS
         self._state = TargetState.TRACKING
+        self._steady.forget()
         self._held = None
         self._failing_s = self._quiet_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score

@@ -259,14 +259,26 @@ class Contours:
 
     def follow(self, surface: TimeSurface, x: float, y: float, gain: float) -> None:
         """Go to a place (pixels) at the surface's time; the velocity follows by `gain`, 0 to 1."""
-        elapsed_s = self._since_s(surface.stamp_ns)
-        moved = np.array([x, y]) - self.pose[:2]
-        if elapsed_s > 0:
-            average_s = float(np.clip(VELOCITY_PX / max(self.speed_px_s, 1e-3), *VELOCITY_S))
-            self.velocity += gain * elapsed_s / (elapsed_s + average_s) * (moved / elapsed_s - self.velocity)
-        self.pose[:2] += moved
-        self.pose[2:] = self._changed(elapsed_s)
+        self.velocity += gain * (self.velocity_to(x, y, surface.stamp_ns) - self.velocity)
+        self.pose[2:] = self._changed(self._since_s(surface.stamp_ns))
+        self.pose[:2] = x, y
         self.stamp_ns = surface.stamp_ns
+
+    def velocity_to(self, x: float, y: float, stamp_ns: int) -> Float64Array:
+        """The velocity, x and y (pixels/s), if the target goes to a place (pixels) by a time (ns): an average
+        of that so far and of the way there."""
+        elapsed_s = self._since_s(stamp_ns)
+        if elapsed_s <= 0:
+            return self.velocity.copy()
+        average_s = float(np.clip(VELOCITY_PX / max(self.speed_px_s, 1e-3), *VELOCITY_S))
+        way = np.array([x, y]) - self.pose[:2]
+        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (way / elapsed_s - self.velocity))
+
+    def go_on_at(self, velocity: Float64Array, gain: float) -> None:
+        """Take the target to move at a velocity (pixels/s), by `gain` from 0 to 1, and neither to turn nor to grow."""
+        self.velocity += gain * (velocity - self.velocity)
+        self._turning.stop()
+        self._growing.stop()
 
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float) -> None:
         """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1)."""

@@ -15,7 +15,7 @@ from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Recipe, Scene, Sprite, Waypoint, make_scene, simulate
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up, steady_motion
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.errors import TrackingError
 
@@ -250,6 +250,30 @@ def test_a_look_farther_away_than_the_target_can_be_is_not_followed(monkeypatch)
     found = tracked(scene)
     off_px = [abs(report.box.center[1] - truth.center[1]) for time_s, report, truth in found if time_s > away_s[0]]
     assert max(off_px) < 2.0
+
+
+def test_what_covers_a_target_that_moved_steadily_does_not_draw_its_box_along(monkeypatch):
+    rng = np.random.default_rng(7)
+    still, passing = Waypoint(0, 220, 90), (Waypoint(1.2, 220, 90), Waypoint(2.4, 40, 90))
+    cover = Sprite("cover", checks(rng, 110, 16, cell=6), np.ones((110, 16)), Path((still, *passing)))
+    scene = scene_of(Waypoint(0, 180, 90), Waypoint(2.4, 60, 90), duration_s=2.4, cover=(cover,))
+    frames = frames_of(scene)
+
+    def overlap_at_the_end():
+        _, report, truth = tracked(scene, frames=frames)[-1]
+        return overlap(report, truth)
+
+    assert overlap_at_the_end() > 0.45
+    monkeypatch.setattr(steady_motion, "STEADY_S", np.inf)
+    assert overlap_at_the_end() < 0.1
+
+
+def test_a_target_that_moved_steadily_and_turns_then_is_followed():
+    found = tracked(
+        scene_of(Waypoint(0, 50, 50), Waypoint(1.3, 140, 50), Waypoint(2.2, 150, 130), duration_s=2.2),
+    )
+    assert min(overlap(report, truth) for _, report, truth in found) > 0.7
+    assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
 
 
 def test_time_that_goes_back_starts_the_target_again():

@@ -1,0 +1,59 @@
+"""How a target usually moves, so that what covers it is not taken for it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from etd_ros.tracking.contour_kernels import Float64Array
+
+STEADY_S = 1.0
+"""What has been seen to move for so long, without a break, is known to go on: most things change sooner."""
+SPAN_S = 0.3
+"""Mean and spread are averages over this time."""
+SPREADS, SLACK_PX_S, SLACK_SHARE = 8.0, 8.0, 0.03
+"""A velocity strays that is farther from the mean than so many spreads, than this, and than this share of it."""
+STRAY_SHARE = 0.7
+"""One that strays counts as if it were off by this share of what is plausible: the mean follows a change, slowly."""
+
+
+class SteadyMotion:
+    """Mean and spread of a target's velocity.
+
+    Attributes:
+        velocity: the mean, float64, x and y (pixels/s).
+    """
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """What was seen last says nothing of how the target moves now."""
+        self.velocity: Float64Array = np.zeros(2)
+        self._variance = 0.0
+        self._seen_s = 0.0
+
+    def plausible(self, velocity: Float64Array) -> float:
+        """How far from its mean the target's velocity could be, in parts of how far this one (pixels/s) is; at most
+        1."""
+        if self._seen_s < STEADY_S:
+            return 1.0
+        could_px_s = self._could_px_s()
+        return could_px_s / max(could_px_s, float(np.hypot(*(velocity - self.velocity))))
+
+    def learn(self, velocity: Float64Array, elapsed_s: float) -> None:
+        """The target was seen to move at a velocity (pixels/s) for a time."""
+        if self._seen_s == 0:
+            self.velocity = velocity.copy()
+        self._seen_s += elapsed_s
+        rate = min(1.0, elapsed_s / min(self._seen_s, SPAN_S))
+        off = velocity - self.velocity
+        length = float(np.hypot(*off))
+        if self._seen_s >= STEADY_S and length > STRAY_SHARE * self._could_px_s():
+            off *= STRAY_SHARE * self._could_px_s() / length
+        self.velocity = self.velocity + rate * off
+        self._variance += rate * (float(off @ off) - self._variance)
+
+    def _could_px_s(self) -> float:
+        return max(SPREADS * math.sqrt(self._variance), SLACK_PX_S, SLACK_SHARE * float(np.hypot(*self.velocity)))
