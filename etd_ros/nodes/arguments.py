@@ -12,6 +12,7 @@ from rclpy.utilities import remove_ros_args
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.ros_errors import ros_error
+from etd_ros.settings import described_settings
 
 
 class ArgumentError(EtdError):
@@ -49,11 +50,13 @@ def refuse_stray_words(arguments: list[str] | None) -> None:
 def warn_of_unknown_parameters(node: Node) -> None:
     """In one line, after the node has declared its own.
 
-    What was given for all nodes cannot be told from what was given for this one, so it is never refused.
+    What was given for all nodes cannot be told from what was given for this one, so it is never refused. A file for
+    all nodes has the parameters of every stage of the method, and a node only those of its own stages.
     """
     with node.handle:
         given = node.handle.get_parameters(Parameter)
-    unknown = sorted(name for name in given if not node.has_parameter(name))
+    of_stages = {name for name, *_ in described_settings()}
+    unknown = sorted(name for name in given if not node.has_parameter(name) and name not in of_stages)
     if unknown:
         known = list(node.get_parameters_by_prefix(""))
         words = ", ".join(_with_nearest(name, known) for name in unknown)

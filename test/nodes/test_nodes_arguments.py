@@ -48,6 +48,13 @@ def test_parameters_of_other_nodes_and_known_ones_are_no_warning(bench, tmp_path
     assert not warnings_of(bench, "pipeline")
 
 
+@pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker", "pipeline"])
+def test_the_parameter_file_for_all_nodes_is_no_warning_at_any(bench, repository, name):
+    bench.start(name, ros=("--params-file", str(repository / "config" / "etd_ros.yaml")))
+    bench.wait_until(lambda: bench.figure(name, "life cycle") == "active", "the node runs")
+    assert not warnings_of(bench, name)
+
+
 def test_replay_names_what_it_leaves_out_too(bench, repository):
     bench.start("replay", str(repository / "bags" / "demo"), ros=("-p", "rate:=2.0"))
     bench.wait_until(lambda: bool(warnings_of(bench, "replay")), "it says so")
