@@ -169,6 +169,11 @@ class EtdNode(LifecycleNode):
         a replay that waits for this node would wait forever."""
         return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    @property
+    def can_go_on(self) -> bool:
+        """Whether callbacks can run, between two of them: rclpy lets none run any more where one could not be begun."""
+        return bool(self.default_callback_group.can_execute(self._diagnostics_timer))
+
     def request(self, task: Callable[[], None]) -> None:
         """Have the worker do a task between two messages; at once where the node is not active."""
         if self.phase is Phase.ACTIVE:
@@ -258,6 +263,7 @@ class EtdNode(LifecycleNode):
             except RuntimeError as err:  # rclpy's own error for this has no public name
                 if not self.context.ok():
                     raise
+                self.errors += 1
                 asked = request.transition.label or request.transition.id
                 self.warn(f"transition {asked} is refused: the node is {self.phase.value} ({ros_reason(err)})")
                 response.success = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -31,10 +32,15 @@ class Throttle:
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._said: deque[tuple[float, str]] = deque()
+        self._lock = threading.Lock()
 
     def lets(self, text: str, now_s: float) -> bool:
-        """Whether this is to be said now (s, on a clock that only goes forth)."""
-        kind, said = _NUMBERS.sub("0", text), self._said
+        """Whether this is to be said now (s, on a clock that only goes forth). Any thread may ask."""
+        with self._lock:
+            return self._lets(_NUMBERS.sub("0", text), now_s)
+
+    def _lets(self, kind: str, now_s: float) -> bool:
+        said = self._said
         while said and now_s - said[0][0] > self._period_s:
             said.popleft()
         if len(said) >= KINDS_PER_PERIOD or any(kind == earlier for _, earlier in said):
@@ -76,9 +82,13 @@ class Remarks:
         sentences = {
             sentence
             for endpoint in endpoints
-            if endpoint.topic_name not in left_out
+            if endpoint.topic_name not in left_out and self._is_settled(endpoint.topic_name)
             for sentence in other_types(self._node, endpoint)
         }
         for sentence in sorted(sentences - self._other_types):
             self._node.get_logger().warning(sentence)
         self._other_types = sentences
+
+    def _is_settled(self, topic: str) -> bool:
+        """Whether ROS finds the topic under its name: a rule that remaps it again would lead it to another."""
+        return bool(self._node.resolve_topic_name(topic) == topic)

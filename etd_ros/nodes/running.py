@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -24,6 +25,8 @@ from etd_ros.nodes.ros_errors import ros_refusals
 THREAD_SWITCH_S = 0.0005
 """How long a thread may hold the others up (s): Python's 5 ms would be most of a box's latency."""
 
+FAILING_MAX_S = 5.0
+"""A node in which nothing has succeeded for so long (s) is broken itself."""
 COMPILER = "llvmlite"
 AGAIN_S, AGAIN_SOON_S = 0.2, 0.005
 
@@ -60,8 +63,9 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
         executor.add_node(node)
         node.finished.add_done_callback(lambda _: executor.wake())
         # Not spin_until_future_complete: that adds a callback to the future at every turn, which is never let go.
+        spinner = _Spinner(executor, node)
         while rclpy.ok() and not node.finished.done():
-            _spin_once(executor, node)
+            spinner.spin_once()
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except (EtdError, InvalidParameterTypeException, InvalidParameterValueException) as err:
@@ -78,16 +82,28 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     return 0
 
 
-def _spin_once(executor: SingleThreadedExecutor, node: EtdNode) -> None:
-    """What cannot be taken in (a parameter of no type, a negative time on /clock, ...) must not end the node."""
-    try:
-        executor.spin_once()
-    except ExternalShutdownException:
-        raise
-    except Exception as err:
-        if not rclpy.ok():
+class _Spinner:
+    """What cannot be taken in (a parameter of no type, a negative time on /clock) must not end the node; a node that
+    can take in nothing any more must, so that it is started again."""
+
+    def __init__(self, executor: SingleThreadedExecutor, node: EtdNode) -> None:
+        self._executor = executor
+        self._node = node
+        self._failing_since_s: float | None = None
+
+    def spin_once(self) -> None:
+        try:
+            self._executor.spin_once()
+        except ExternalShutdownException:
             raise
-        node.on_worker_error(err)
+        except Exception as err:
+            now_s = time.monotonic()
+            since_s = self._failing_since_s = self._failing_since_s or now_s
+            if not rclpy.ok() or not self._node.can_go_on or now_s - since_s > FAILING_MAX_S:
+                raise
+            self._node.on_worker_error(err)
+        else:
+            self._failing_since_s = None
 
 
 @contextmanager

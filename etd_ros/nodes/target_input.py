@@ -95,18 +95,21 @@ class TargetInput:
             # Until now there was nothing to compare them with.
             ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
             self._refuse_ahead([self._new.pop(name) for name in ahead])
+        asked_for = set(self._new)
         self._targets |= self._new
         self._new.clear()
         self._stopped.clear()
         self._in_tracker.clear()
         self._lost = LostTimes()
-        taken_back = {} if self._has_begun else self._take_back(stamp_ns)
+        taken_back = {} if self._has_begun else self._take_back(stamp_ns, asked_for)
         off_sensor = {}
         for target in tuple(self._targets.values()):
             start = taken_back.get(target.name, target)
             if start is None:
                 continue
             err = _started(tracker, start)
+            if err is not None and start is not target:
+                err = _started(tracker, target)
             if isinstance(err, OffSensorError):
                 off_sensor[target.name] = err
             elif err is not None:
@@ -149,10 +152,13 @@ class TargetInput:
         self._in_tracker = {*tracker.targets, *tracker.waiting_clicks}
         self._followed = len(tracker.targets)
 
-    def _take_back(self, stamp_ns: int) -> dict[str, TargetStart | None]:
-        """The targets as the memory has them, as far as there is room; None for those that were lost."""
+    def _take_back(self, stamp_ns: int, asked_for: set[str]) -> dict[str, TargetStart | None]:
+        """The targets as the memory has them, as far as there is room; None for those that were lost. Those that have a
+        new box already are left out."""
         starts: dict[str, TargetStart | None] = {}
         for target in self._memory.recall(stamp_ns):
+            if target.name in asked_for:
+                continue
             if target.was_lost:
                 self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
                 starts[target.name] = None

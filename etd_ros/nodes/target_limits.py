@@ -12,6 +12,8 @@ from etd_ros.tracking import TargetReport, TargetState
 START_AHEAD_MAX_S = 10.0
 """A message's box is of what was seen, so its stamp is that of events that have come. A start that is farther ahead (s)
 is on another clock and may never come; by less, clocks of machines differ that are only roughly set."""
+KNOWN_S = 10.0
+"""So long after a frame (s) it is known what time the events' clock has."""
 LOST_MIN_S = 3.0
 """A target that is lost for so long (s) makes room for a new one: what is found again mostly is found before."""
 NAMES_SAID_MAX = 3
@@ -30,11 +32,13 @@ class EventClock:
         self._noted_ns = time.monotonic_ns()
 
     def ahead_s(self, stamp_ns: int) -> float:
-        """How long a time (ns) is still to come (s); 0 where it is past, or not known as no frame has come."""
-        if self._stamp_ns is None:
+        """How long a time (ns) is still to come (s); 0 where it is past, or not known as no frame has come, or none for
+        long: the next one may be of another recording."""
+        quiet_ns = time.monotonic_ns() - self._noted_ns
+        if self._stamp_ns is None or quiet_ns > KNOWN_S * 1e9:
             return 0.0
         # Before a quiet scene no frames come, and whoever looks at it goes on sending boxes.
-        return max(0.0, (stamp_ns - self._stamp_ns - (time.monotonic_ns() - self._noted_ns)) * 1e-9)
+        return max(0.0, (stamp_ns - self._stamp_ns - quiet_ns) * 1e-9)
 
 
 class LostTimes:

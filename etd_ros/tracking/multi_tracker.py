@@ -262,9 +262,9 @@ def check_target(name: str, box: Box, stamp_ns: int) -> None:
 
 
 def _check_name(name: str) -> None:
-    if not 1 <= len(name) <= NAME_LENGTH_MAX or not name.isprintable() or "," in name:
+    if not 1 <= len(name) <= NAME_LENGTH_MAX or not name.isprintable() or "," in name or name != name.strip():
         msg = (
             f"target name {name[:80]!r} is unusable: "
-            f"give 1 to {NAME_LENGTH_MAX} printable characters without commas or line breaks"
+            f"give 1 to {NAME_LENGTH_MAX} printable characters without commas, line breaks, or blanks at the ends"
         )
         raise TrackingError(msg)

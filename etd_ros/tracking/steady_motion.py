@@ -43,7 +43,9 @@ class SteadyMotion:
         return could_px_s / max(could_px_s, float(np.hypot(*(velocity - self.velocity))))
 
     def learn(self, velocity: Float64Array, elapsed_s: float) -> None:
-        """The target was seen to move at a velocity (pixels/s) for a time."""
+        """The target was seen to move at a velocity (pixels/s) for a time; none has passed where time went back."""
+        if elapsed_s <= 0:
+            return
         if self._seen_s == 0:
             self.velocity = velocity.copy()
         self._seen_s += elapsed_s

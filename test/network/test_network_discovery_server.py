@@ -8,16 +8,23 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from network_hosts import TIMEOUT_S
 
 
 def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def end(group: int) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGTERM)
 
 
 # What Python sets where ROS came as packages of its own, and by which it knows that it has.
@@ -49,11 +56,15 @@ def test_the_server_starts(repository, environment, is_direct):
         start_new_session=True,
     ) as shell:
         assert shell.stdout is not None
+        deadline = threading.Timer(TIMEOUT_S, end, (shell.pid,))
+        deadline.start()
         said = []
-        for line in shell.stdout:
-            said.append(line)
-            if "Server is running" in line:
-                break
-        with suppress(ProcessLookupError):
-            os.killpg(shell.pid, signal.SIGTERM)
+        try:
+            for line in shell.stdout:
+                said.append(line)
+                if "Server is running" in line:
+                    break
+        finally:
+            deadline.cancel()
+            end(shell.pid)
     assert "Server is running" in "".join(said)

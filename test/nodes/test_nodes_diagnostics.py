@@ -180,6 +180,10 @@ def test_what_ros_cannot_take_in_is_counted_and_ends_no_node(bench):
     bench.wait_until(refuses_the_clock, "the clock is refused")
     bench.node.destroy_publisher(clock)
     bench.wait_until(lambda: bench.node.count_publishers("/clock") == 0, "the clock is gone")
+    reports = bench.messages["/diagnostics"]
+    reports.clear()
+    bench.listen("/diagnostics", DiagnosticArray)
+    bench.wait_until(lambda: len(reports) > 2, "what came before has been counted")
     before = errors()
     client = bench.node.create_client(SetParameters, "/tracker/set_parameters")
     bench.wait_until(client.service_is_ready, "parameters can be set")

@@ -45,6 +45,7 @@ def test_a_transition_that_cannot_be_is_refused_and_the_node_goes_on(bench, name
         request = ChangeState.Request(transition=Transition(id=number))
         assert not bench.call(ChangeState, f"/{name}/change_state", request).success
     assert "transition 1 is refused: the node is active" in bench.log(name)
+    bench.wait_until(lambda: bench.figure(name, "errors") == "3", "the three are counted")
     assert bench.change_state(name, "deactivate", "activate")
     bench.wait_until(lambda: phase(bench, name) == "active", "it goes on")
 

@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 from camera import Camera, shots_of
 from conftest import Bench
+from vision_msgs.msg import Detection2DArray
 
 from etd_ros.evaluation import read_tracks
+from msg_adapters import decode_detections
 
 REMAP = ("-r", "~/events:=/event_camera/events")
 S_NS = 1_000_000_000
@@ -102,6 +104,34 @@ def test_a_pipeline_that_is_killed_takes_its_targets_back(bench, shots, truth, t
     camera.play(shots[SOON_AFTER])
     assert_right(camera, truth, TAKEN_BACK)
     assert bench.log("pipeline").count("is taken back after 0.") == 2
+
+
+def test_a_driver_process_that_is_killed_and_started_again_begins_a_new_stream_with_the_same_targets(
+    bench, repository, truth
+):
+    recording = repository / "bags" / "demo"
+    stamps: dict[str, list[int]] = {"ball": [], "drum": []}
+
+    def take(message: bytes) -> None:
+        decoded = decode_detections(message)
+        for found in decoded.detections:
+            stamps.setdefault(found.id, []).append(decoded.stamp_ns)
+
+    bench.listen("/pipeline/detections", Detection2DArray, take)
+    bench.start("pipeline", ros=(*REMAP, "-p", f"targets_file:={truth}"))
+    bench.start("replay", str(recording), "--wait-for", "1")
+    bench.wait_until(lambda: all(len(found) > 100 for found in stamps.values()), "boxes come")
+    assert bench.end("replay", signal.SIGKILL) == -signal.SIGKILL
+    before_ns = {name: max(found) for name, found in stamps.items()}
+    for found in stamps.values():
+        found.clear()
+    bench.start("replay", str(recording), "--wait-for", "1")
+    bench.wait_until(
+        lambda: all(found and found[-1] > before_ns[name] for name, found in stamps.items()), "boxes come again"
+    )
+    assert all(min(found) < before_ns[name] for name, found in stamps.items()), "from the recording's start on"
+    bench.wait_until(lambda: bench.figure("pipeline", "stream restarts") == "1", "a new stream is counted")
+    assert bench.figure("pipeline", "errors") == "0"
 
 
 def test_what_is_remembered_from_long_ago_is_not_taken_back(bench, shots, truth, tmp_path):

@@ -286,6 +286,18 @@ def test_time_that_goes_back_starts_the_target_again():
     assert rounds[1][0][0].state is TargetState.IDLE
 
 
+def test_a_target_without_a_stamp_is_followed_on_when_time_goes_back():
+    ways = (Waypoint(0, 100, 90), Waypoint(1, 112, 90))
+    frames = frames_of(scene_of(*ways))
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene_of(*ways).box("thing", 0.0), 0)
+    for _ in range(3):
+        for frame in frames:
+            (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, scene_of(*ways).box("thing", 1.0)) > 0.6
+
+
 def test_targets_do_not_influence_one_another():
     scene = make_scene(Recipe(("ball", "dartboard"), "wall", targets=2), WIDTH, HEIGHT, np.random.default_rng(3))
     frames = frames_of(scene)

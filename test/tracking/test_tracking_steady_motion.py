@@ -44,6 +44,12 @@ def test_one_stray_hardly_moves_the_mean_and_a_lasting_change_does():
     np.testing.assert_allclose(motion.velocity, off(80.0), atol=1.0)
 
 
+def test_no_time_teaches_nothing():
+    motion = SteadyMotion()
+    motion.learn(USUAL, 0.0)
+    assert not motion.velocity.any()
+
+
 def test_what_is_forgotten_is_not_known_any_more():
     motion = seen(2 * STEADY_S)
     motion.forget()
