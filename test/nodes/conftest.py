@@ -29,7 +29,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml")
 DOMAINS = fresh_domains()
 TIMEOUT_S, ANSWER_S = 60.0, 10.0
-"""DDS loses a request that is sent before the service has seen its client: what has no answer for long is sent again."""
+"""DDS loses a request that is sent before the service has seen its client: without an answer it is sent again."""
 PATIENT = ("-p", "queue_s:=3600.0")
 
 
