@@ -9,15 +9,13 @@ loop and at its own pace, and boxes are read on the second; for example
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from network_hosts import DOMAINS, REPOSITORY, Host, Network, network
+from network_hosts import REPOSITORY, Host, Network, heard, network
 
 EVENTS = "/event_camera/events"
 FIRST_BOX_S, SETTLE_S, POLL_S = 60.0, 3.0, 0.1
@@ -60,11 +58,7 @@ class Run:
 
     def start(self, placement: Placement) -> None:
         """Start the nodes, a reader of the boxes on the second host, and the replay on the first."""
-        self._environment = {
-            **self.hosts.environment(self.folder),
-            "ROS_DOMAIN_ID": str(next(DOMAINS)),
-            "PYTHONPATH": str(REPOSITORY),
-        }
+        self._environment = self.hosts.environment(self.folder)
         names = (*placement.camera, *placement.compute)
         listener = REPOSITORY / "test" / "network" / "network_listener.py"
         self._process(self.hosts.compute, "listener", [str(listener), f"/{names[-1]}/detections"])
@@ -81,7 +75,7 @@ class Run:
         Raises:
             NothingCameError: no boxes.
         """
-        self._wait_for(lambda: self._boxes() > 0, FIRST_BOX_S)
+        self._wait_for_a_box()
         time.sleep(SETTLE_S)
         start_s, boxes, carried = time.monotonic(), self._boxes(), self.hosts.carried_bytes()
         time.sleep(self.options.duration)
@@ -99,15 +93,13 @@ class Run:
         host.start(name, [sys.executable, *arguments], self._environment, self.folder / f"{name}.log")
 
     def _boxes(self) -> int:
-        whole_lines, _, _ = (self.folder / "listener.log").read_text().rpartition("\n")
-        lines = (json.loads(line) for line in whole_lines.splitlines() if line.startswith('{"boxes"'))
-        return sum(line["boxes"] for line in lines)
+        return sum(line.get("boxes", 0) for line in heard(self.folder / "listener.log"))
 
-    def _wait_for(self, condition: Callable[[], bool], within_s: float) -> None:
-        deadline_s = time.monotonic() + within_s
-        while not condition():
+    def _wait_for_a_box(self) -> None:
+        deadline_s = time.monotonic() + FIRST_BOX_S
+        while not self._boxes():
             if time.monotonic() > deadline_s:
-                msg = f"no box within {within_s:.0f} s: see {self.folder}"
+                msg = f"no box within {FIRST_BOX_S:.0f} s: see {self.folder}"
                 raise NothingCameError(msg)
             time.sleep(POLL_S)
 

@@ -27,10 +27,12 @@ class Throttle:
 
     Args:
         period_s: how long (s).
+        kinds_max: so many different ones are let through in a period.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, kinds_max: int = KINDS_PER_PERIOD) -> None:
         self._period_s = period_s
+        self._kinds_max = kinds_max
         self._said: deque[tuple[float, str]] = deque()
         self._lock = threading.Lock()
 
@@ -43,7 +45,7 @@ class Throttle:
         said = self._said
         while said and now_s - said[0][0] > self._period_s:
             said.popleft()
-        if len(said) >= KINDS_PER_PERIOD or any(kind == earlier for _, earlier in said):
+        if len(said) >= self._kinds_max or any(kind == earlier for _, earlier in said):
             return False
         said.append((now_s, kind))
         return True

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable, Sequence
 
 from etd_ros.nodes.base import EtdNode
-from etd_ros.nodes.remarks import REMARKS_PERIOD_S
+from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Throttle
 from etd_ros.tracking import TargetReport, TargetState
 
 START_AHEAD_MAX_S = 10.0
@@ -17,6 +17,8 @@ KNOWN_S = 10.0
 LOST_MIN_S = 3.0
 """A target that is lost for so long (s) makes room for a new one: what is found again mostly is found before."""
 NAMES_SAID_MAX = 3
+REASONS_MAX = 16
+"""More than there are: none hides another."""
 
 
 class EventClock:
@@ -72,16 +74,14 @@ class Refusals:
 
     def __init__(self, node: EtdNode) -> None:
         self._node = node
-        self._said_s: dict[str, float] = {}
+        self._throttle = Throttle(REMARKS_PERIOD_S, REASONS_MAX)
 
     def note(self, reason: str, text: str, count: int = 1) -> None:
         """So many targets were refused for a reason; `text` says what, why, and what to do."""
-        now_s = time.monotonic()
-        if now_s - self._said_s.get(reason, -REMARKS_PERIOD_S) < REMARKS_PERIOD_S:
+        if self._throttle.lets(reason, time.monotonic()):
+            self.say(text, count)
+        else:
             self._node.errors += count
-            return
-        self._said_s[reason] = now_s
-        self.say(text, count)
 
     def say(self, text: str, count: int = 1) -> None:
         """The same for what does not come again and again."""

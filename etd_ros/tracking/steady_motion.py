@@ -51,9 +51,9 @@ class SteadyMotion:
         self._seen_s += elapsed_s
         rate = min(1.0, elapsed_s / min(self._seen_s, SPAN_S))
         off = velocity - self.velocity
-        length = float(np.hypot(*off))
-        if self._seen_s >= STEADY_S and length > STRAY_SHARE * self._could_px_s():
-            off *= STRAY_SHARE * self._could_px_s() / length
+        length, most = float(np.hypot(*off)), STRAY_SHARE * self._could_px_s()
+        if self._seen_s >= STEADY_S and length > most:
+            off *= most / length
         self.velocity = self.velocity + rate * off
         self._variance += rate * (float(off @ off) - self._variance)
 

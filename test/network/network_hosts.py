@@ -7,6 +7,7 @@ processes are kept to UDP.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -17,6 +18,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ros_domains import fresh_domains
 
@@ -98,7 +100,8 @@ class Network:
         return self.camera.holder is not None
 
     def environment(self, folder: Path) -> dict[str, str]:
-        """What makes processes meet over this link alone: nothing of it leaves the machine.
+        """What makes this checkout's processes meet over this link alone, in a ROS domain of their own: nothing of it
+        leaves the machine.
 
         Args:
             folder: where a configuration can be written.
@@ -113,6 +116,8 @@ class Network:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
             "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
             "PYTHONUNBUFFERED": "1",
+            "ROS_DOMAIN_ID": str(next(DOMAINS)),
+            "PYTHONPATH": str(REPOSITORY),
         }
 
     def carried_bytes(self) -> int:
@@ -164,6 +169,12 @@ def network() -> Iterator[Network]:
         for host in (made.camera, made.compute):
             host.stop()
             _release(host)
+
+
+def heard(log: Path) -> list[dict[str, Any]]:
+    """What `network_listener.py` has said so far."""
+    whole_lines, _, _ = log.read_text().rpartition("\n")
+    return [json.loads(line) for line in whole_lines.splitlines() if line.startswith("{")]
 
 
 def _linked_hosts() -> Network:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 import time
@@ -10,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from network_hosts import DOMAINS, POLL_S, REPOSITORY, TIMEOUT_S, Host, Network, network
+from network_hosts import POLL_S, REPOSITORY, TIMEOUT_S, Host, Network, heard, network
 
 CAMERA = "front"
 RECORDING = REPOSITORY / "bags" / "demo"
@@ -24,11 +23,7 @@ class Machines:
     def __init__(self, hosts: Network, folder: Path) -> None:
         self.hosts = hosts
         self._folder = folder
-        self._environment = {
-            **hosts.environment(folder),
-            "ROS_DOMAIN_ID": str(next(DOMAINS)),
-            "PYTHONPATH": str(REPOSITORY),
-        }
+        self._environment = hosts.environment(folder)
 
     def serve_discovery(self, *, tells_all: bool) -> None:
         """A discovery server on the camera host, which all processes started from now on ask for each other.
@@ -101,8 +96,7 @@ class Machines:
         return self._folder / f"{name}.log"
 
     def _heard(self) -> list[dict]:
-        whole_lines, _, _ = self._log("listener").read_text().rpartition("\n")
-        return [json.loads(line) for line in whole_lines.splitlines() if line.startswith("{")]
+        return heard(self._log("listener"))
 
 
 @pytest.fixture
