@@ -13,7 +13,7 @@ import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
-from rclpy.signals import SignalHandlerOptions, install_signal_handlers
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers, uninstall_signal_handlers
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.arguments import refuse_stray_words
@@ -157,6 +157,9 @@ def _let_go(node: EtdNode | None, executor: SingleThreadedExecutor | None) -> No
     # Whoever asks twice must not keep the node from leaving in order.
     for number in LEAVE:
         signal.signal(number, signal.SIG_IGN)
+    # ROS's thread for signals wakes every executor, after Python has heard the signal: this waits for its end, else it
+    # would reach for an executor that is gone.
+    uninstall_signal_handlers()
     # It holds on to what it waits for, and with that to shared memory.
     if executor is not None:
         executor.shutdown()

@@ -21,6 +21,8 @@ from msg_adapters import Detection, decode_detections, encode_detections
 
 EVENTS = "/event_camera/events"
 DISK_BYTES, CHUNK_BYTES = 8 << 20, 1 << 20
+WOKEN = 20_000
+"""Executors that a signal is handed round to: so many that it takes longer than to let go of the node's own."""
 REMAP = ("-r", f"~/events:={EVENTS}")
 NODES = ("accumulator", "reconstruction", "tracker", "pipeline")
 
@@ -69,6 +71,31 @@ class Publishing(EtdNode):
         return {{}}
 
 run(lambda: run_node(lambda: Publishing("publishing", (), NodeOptions)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_node_leaves_while_ros_still_hands_the_signal_round():
+    """To very many executors, so that handing it round is still going on when the node's own executor is let go."""
+    program = f"""
+import signal
+from rclpy.signals import SignalHandlerGuardCondition
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.node_parameters import NodeOptions
+from etd_ros.nodes.programs import run
+from etd_ros.nodes.running import run_node
+
+class Crowded(EtdNode):
+    def __init__(self):
+        super().__init__("crowded", (), NodeOptions)
+        self.woken = [SignalHandlerGuardCondition() for _ in range({WOKEN})]
+
+    def diagnostics(self):
+        signal.raise_signal(signal.SIGINT)
+        return {{}}
+
+run(lambda: run_node(Crowded))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
