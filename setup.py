@@ -36,6 +36,7 @@ setup(
         "setuptools",
         "numpy>=1.26",
         "numba>=0.56",
+        "llvmlite",
         "scipy>=1.11",
         "PyYAML>=6.0",
         "rich>=13.7",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
-from etd_ros.conversion.cell_map import CellMap, count_in, make_cell_map
+from etd_ros.conversion.cell_map import CellStore, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, clear, finish, first_after
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
@@ -43,7 +43,7 @@ class FrameAccumulator:
         check_pixel_map(width, height)
         self.width = width
         self.height = height
-        self.cells: CellMap = make_cell_map(width, height, cell_size, log_base)
+        self.cells: CellStore = make_cell_map(width, height, cell_size, log_base)
         self.state = np.array([EMPTY_STATE], STATE_DTYPE)
         self.data = self._empty_data()
         self.start_ns = 0
@@ -73,7 +73,7 @@ class FrameAccumulator:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
         wanted = None if boxes is None else tuple(boxes)
         if wanted != self._counted_boxes:
-            self.cells = count_in(self.cells, wanted, self._cell_size)
+            count_in(self.cells, wanted, self._cell_size)
             self._counted_boxes = wanted
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from etd_ros.boxes import Box
 from etd_ros.conversion.nzge import GREY_LEVELS, FloatArray, check_grid, count_log_counts
@@ -32,11 +33,42 @@ DURATION_MAX_NS = 2_000_000_000
 BLOCK_EVENTS = 512
 """Events that are added at a time: few enough for their slots to stay in the processor's nearest memory."""
 
-LISTED = 4
-"""Numbers that the readout's list holds of a tile."""
+PARTIAL = 2**31
+"""More bytes than a frame has."""
 
 SAMPLE_STEP = 8
 """One cell in so many is in the sample."""
+
+
+SIZES_DTYPE = np.dtype(
+    [
+        ("height", "<i8"),
+        ("width", "<i8"),
+        ("cells", "<i8"),
+        ("cell_pixels", "<i8"),
+        ("tile_shift", "<i8"),
+        ("columns", "<i8"),
+        ("is_plain", "<i8"),
+        ("sampled", "<i8"),
+        ("sample_scale", "<f8"),
+        ("entropy_one", "<f8"),
+        ("layout_1", "<i8"),
+    ]
+)
+"""h, w, C, m and the numbers of `CellMap`, whose `sample` has `sampled` tiles. Who changes the layout of the memory has
+to rename the last field, which says nothing else: kernels that were compiled for another type are not used."""
+
+
+class CellStore(NamedTuple):
+    """What a cell map lies in. Kernels take this: to hand one all of the map's arrays takes 2 us.
+
+    Attributes:
+        sizes: SIZES_DTYPE, shape (1,).
+        memory: int64.
+    """
+
+    sizes: npt.NDArray[np.void]
+    memory: npt.NDArray[np.int64]
 
 
 class CellMap(NamedTuple):
@@ -47,9 +79,10 @@ class CellMap(NamedTuple):
             further on.
         last: int32, (32 T,): time of the last event since the frame's start (ns), where the slot's bit is set.
         words: uint32, (T,): the bits.
-        tile_byte, slot_byte: uint32, (T,) and (32,): a slot's byte in the frame's data is the sum of the two.
+        tile_byte, slot_byte: uint32, (T,) and (32,): a slot's byte in the frame's data is the sum of the two. PARTIAL
+            is added to the first where a tile does not have all of its 4 x 4 pixels.
         tile_shift: T = C 2^tile_shift.
-        is_counted: bool, (C,): whether the entropy is measured in a cell.
+        is_counted: uint32, (C,): whether the entropy is measured in a cell.
         is_plain: whether it is in all of them, and each has one tile: then `counts` is not used, as the words tell.
         counts: uint32, (2 C,): pixels with events of a cell's On and Off channel.
         sample, sample_scale: uint32: the tiles of about one cell in eight that counts, and how many it stands for.
@@ -59,7 +92,7 @@ class CellMap(NamedTuple):
         columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
         touched_tiles: uint32, (T + 1,): the tiles with events in the order in which they got the first one.
         slots: uint32, (512,): scratch for a block of events.
-        seen: uint32, (512,), listed: uint32, (4 (T + 2),): scratch of the readout.
+        seen: uint32, (512,), levels: uint8, (32,), marks: uint32, a bit per tile: scratch of the readout.
     """
 
     row_slot: npt.NDArray[np.uint32]
@@ -69,7 +102,7 @@ class CellMap(NamedTuple):
     tile_byte: npt.NDArray[np.uint32]
     slot_byte: npt.NDArray[np.uint32]
     tile_shift: int
-    is_counted: npt.NDArray[np.bool_]
+    is_counted: npt.NDArray[np.uint32]
     is_plain: bool
     counts: npt.NDArray[np.uint32]
     sample: npt.NDArray[np.uint32]
@@ -81,10 +114,45 @@ class CellMap(NamedTuple):
     touched_tiles: npt.NDArray[np.uint32]
     slots: npt.NDArray[np.uint32]
     seen: npt.NDArray[np.uint32]
-    listed: npt.NDArray[np.uint32]
+    levels: npt.NDArray[np.uint8]
+    marks: npt.NDArray[np.uint32]
 
 
-def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> CellMap:
+@njit(cache=True, nogil=True)
+def cells_in(store: CellStore) -> CellMap:
+    """The map that lies in a store."""
+    sizes = store.sizes[0]
+    cells, counts_max = sizes.cells, sizes.cell_pixels + 1
+    tiles = cells << sizes.tile_shift
+    entropy, rest = store.memory[: counts_max + 1], store.memory[counts_max + 1 :]
+    loss, words = rest[:counts_max].view(np.float64), rest[counts_max:].view(np.uint32)
+    row_slot, words = words[: sizes.height], words[sizes.height :]
+    column_slot, words = words[: sizes.width], words[sizes.width :]
+    last, words = words[: TILE_SLOTS * tiles].view(np.int32), words[TILE_SLOTS * tiles :]
+    bits, words = words[:tiles], words[tiles:]
+    tile_byte, words = words[:tiles], words[tiles:]
+    slot_byte, words = words[:TILE_SLOTS], words[TILE_SLOTS:]
+    is_counted, words = words[:cells], words[cells:]
+    counts, words = words[: 2 * cells], words[2 * cells :]
+    sample, words = words[: sizes.sampled], words[tiles:]
+    touched_tiles, words = words[: tiles + 1], words[tiles + 1 :]
+    slots, words = words[:BLOCK_EVENTS], words[BLOCK_EVENTS:]
+    seen, words = words[: 2 * GREY_LEVELS], words[2 * GREY_LEVELS :]
+    levels, words = words[: TILE_SLOTS // 4].view(np.uint8), words[TILE_SLOTS // 4 :]
+    return CellMap(
+        row_slot, column_slot, last, bits, tile_byte, slot_byte, sizes.tile_shift, is_counted, sizes.is_plain != 0,
+        counts, sample, sizes.sample_scale, entropy, sizes.entropy_one, loss, sizes.columns, touched_tiles, slots, seen,
+        levels, words[: tiles // 32 + 1],
+    )  # fmt: skip
+
+
+def _words(height: int, width: int, cells: int, tiles: int) -> int:
+    """How many 32-bit words `cells_in` deals out."""
+    scratch = BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4 + tiles // 32 + 1
+    return height + width + (TILE_SLOTS + 4) * tiles + 1 + TILE_SLOTS + 3 * cells + scratch
+
+
+def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> CellStore:
     """An empty map whose cells all count; the sensor's size must have been checked.
 
     Raises:
@@ -99,33 +167,24 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     cell, tile = np.divmod(np.arange(rows * columns * side * side), side * side)
     top = cell // columns * cell_size + tile // side * TILE_SIDE
     left = cell % columns * cell_size + tile % side * TILE_SIDE
+    is_partial = (top + TILE_SIDE > height) | (left + TILE_SIDE > width) | (cell_size % TILE_SIDE > 0)
     channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
     entropy, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
-    is_counted = np.ones(rows * columns, np.bool_)
-    tile_shift = 2 * (side.bit_length() - 1)
-    sample, sample_scale = _sample(is_counted, tile_shift)
-    return CellMap(
-        row_slot=(tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE).astype(np.uint32),
-        column_slot=(tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE).astype(np.uint32),
-        last=np.empty(len(tile) * TILE_SLOTS, np.int32),
-        words=np.zeros(len(tile), np.uint32),
-        tile_byte=((top * width + left) * 2).astype(np.uint32),
-        slot_byte=((row * width + column) * 2 + channel).astype(np.uint32),
-        tile_shift=tile_shift,
-        is_counted=is_counted,
-        is_plain=tile_shift == 0,
-        counts=np.zeros(2 * rows * columns, np.uint32),
-        sample=sample,
-        sample_scale=sample_scale,
-        entropy=entropy,
-        entropy_one=entropy_one,
-        loss=loss,
-        columns=columns if cell_size == TILE_SIDE else 0,
-        touched_tiles=np.zeros(len(tile) + 1, np.uint32),
-        slots=np.zeros(BLOCK_EVENTS, np.uint32),
-        seen=np.zeros(2 * GREY_LEVELS, np.uint32),
-        listed=np.zeros(LISTED * (len(tile) + 2), np.uint32),
-    )
+    sizes = np.zeros(1, SIZES_DTYPE)
+    sizes["height"], sizes["width"], sizes["cells"] = height, width, rows * columns
+    sizes["cell_pixels"], sizes["tile_shift"] = cell_size * cell_size, 2 * (side.bit_length() - 1)
+    sizes["columns"] = columns if cell_size == TILE_SIDE else 0
+    sizes["entropy_one"] = entropy_one
+    words = _words(height, width, rows * columns, len(tile))
+    store = CellStore(sizes, np.zeros(len(entropy) + len(loss) + -(-words // 2), np.int64))
+    cells = cells_in(store)
+    cells.entropy[:], cells.loss[:] = entropy, loss
+    cells.row_slot[:] = tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE
+    cells.column_slot[:] = tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE
+    cells.tile_byte[:] = (top * width + left) * 2 + PARTIAL * is_partial
+    cells.slot_byte[:] = (row * width + column) * 2 + channel
+    count_in(store, None, cell_size)
+    return store
 
 
 def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.NDArray[np.int64], FloatArray, float]:
@@ -138,7 +197,7 @@ def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.ND
     return np.append(whole, whole[-1]), np.append(np.diff(c_log_c), 0.0), entropy_one
 
 
-def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
+def _sample(is_counted: npt.NDArray[np.uint32], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
     """`CellMap.sample` and `sample_scale`; strewn by a hash of the cells' numbers, so that no pattern fits it."""
     counted = np.flatnonzero(is_counted).astype(np.uint64)
     cells = counted[(counted * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)]
@@ -146,15 +205,16 @@ def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDA
     return tiles.ravel().astype(np.uint32), len(counted) / max(1, len(cells))
 
 
-def count_in(cells: CellMap, boxes: Iterable[Box] | None, cell_size: int) -> CellMap:
-    """The map, which must be empty, with the entropy measured in the cells that have a pixel in one of the boxes.
+def count_in(store: CellStore, boxes: Iterable[Box] | None, cell_size: int) -> None:
+    """Have the entropy measured in the cells that have a pixel in one of the boxes; the map must be empty.
 
     Args:
-        cells: the map.
+        store: the map.
         boxes: pixels, which may lie off the sensor; None: measure everywhere.
         cell_size: r (pixels).
     """
-    height, width = len(cells.row_slot), len(cells.column_slot)
+    sizes = store.sizes[0]
+    height, width = int(sizes["height"]), int(sizes["width"])
     rows, columns = -(-height // cell_size), -(-width // cell_size)
     inside = np.full((rows, columns), boxes is None)
     for box in boxes or ():
@@ -163,6 +223,10 @@ def count_in(cells: CellMap, boxes: Iterable[Box] | None, cell_size: int) -> Cel
         if left < right and top < bottom:
             inside[top // cell_size : -(-bottom // cell_size), left // cell_size : -(-right // cell_size)] = True
     is_counted = inside.ravel()
-    sample, sample_scale = _sample(is_counted, cells.tile_shift)
-    is_plain = cells.tile_shift == 0 and bool(is_counted.all())
-    return cells._replace(is_counted=is_counted, is_plain=is_plain, sample=sample, sample_scale=sample_scale)
+    tile_shift = int(sizes["tile_shift"])
+    sample, sample_scale = _sample(is_counted, tile_shift)
+    store.sizes["sampled"], store.sizes["sample_scale"] = len(sample), sample_scale
+    store.sizes["is_plain"] = tile_shift == 0 and bool(is_counted.all())
+    cells = cells_in(store)
+    cells.is_counted[:] = is_counted
+    cells.sample[:] = sample

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.conversion.bits import count_bits, lowest_bit
-from etd_ros.conversion.cell_map import LISTED, CellMap
+from etd_ros.conversion.cell_map import PARTIAL, CellMap, CellStore, cells_in
+from etd_ros.conversion.tiles import tile_levels, write_tile
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -26,8 +27,14 @@ SAMPLE_CELLS_MIN = 256
 SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
 
-SPARSE_TILES = 8
-"""Tiles with events are listed one by one if there are less than one in so many, and looked for in a row otherwise."""
+SPARSE_TILES = 2
+"""Tiles with events come one by one if there are less than one in so many; else all tiles come in a row."""
+
+ORDERED_TILES = 16384
+"""So many tiles are more than the processor's near memory holds: they are read in the order in which they lie."""
+
+FEW_TWINS = 2
+"""So many pairs of pixels of one level are two pixels each; three may be three pixels."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
@@ -58,15 +65,12 @@ checks that found less than alpha.
 
 EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0)
 
-BYTE, STAMP, WORD = 1, 2, 3
-"""What follows a listed tile's first slot: its corner's byte in the frame's data, its cell's stamp, its word."""
-
 _U32, _U64 = np.uint32, np.uint64
 
 
 @njit(cache=True, nogil=True)
 def add_events(
-    cells: CellMap,
+    store: CellStore,
     state: npt.NDArray[np.void],
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
@@ -80,6 +84,21 @@ def add_events(
 
     In blocks, whose slots are found first, in loops that the compiler vectorises.
     """
+    _add_events(cells_in(store), state, t, x, y, p, first, stop, start_ns)
+
+
+@njit(cache=True, nogil=True)
+def _add_events(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
+    start_ns: int,
+) -> None:
     state[0].events += stop - first
     while first < stop:
         number = min(stop - first, len(cells.slots))
@@ -209,12 +228,13 @@ def first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
 
 @njit(cache=True, nogil=True)
 def finish(
-    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
+    store: CellStore, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
     """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
+    cells = cells_in(store)
     nzge = _read_out(cells, state, duration_ns, data)
     events = state[0].events
-    clear(cells, state)
+    _clear(cells, state)
     return nzge, events
 
 
@@ -231,7 +251,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
 
 @njit(cache=True, nogil=True)
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
-    """Note what a sample of the cells has lost. What it writes into the data is overwritten when the frame ends."""
+    """Note what a sample of the cells has lost."""
     lost, without_entropy = _write_levels(cells, state, duration_ns, True, data)
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
@@ -243,7 +263,7 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
 def _write_levels(
     cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
-    """Write the levels of the pixels with events, of all tiles or those of the sample.
+    """Write the levels of the pixels with events, or look at those of the sample without writing them.
 
     A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
 
@@ -251,76 +271,101 @@ def _write_levels(
         What the channels' entropies lose against distinct levels, and the number of cells with events, but without
         entropy; both over the cells that count.
     """
-    last, seen, listed, slot_byte = cells.last, cells.seen, cells.listed, cells.slot_byte
+    words, levels = cells.words, cells.levels
     slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
-    pixels = _list_tiles(cells, state, of_sample)
-    # A level has been seen c times in its cell and channel if its mark is the cell's stamp + c; stamps only grow.
-    seen[:] = 0
+    row_bytes = _U64(2 * len(cells.column_slot))
+    listed = cells.sample if of_sample else cells.touched_tiles
+    number = _U64(len(cells.sample) if of_sample else state[0].touched)
+    # The tiles of a cell have to come one after the other.
+    in_a_row = not of_sample and (cells.tile_shift > 0 or number * _U64(SPARSE_TILES) >= _U64(len(words)))
+    if in_a_row:
+        number = _U64(len(words))
+    elif not of_sample and len(words) >= ORDERED_TILES:
+        _order(cells, number)
+    shift, stamp_step = _U64(cells.tile_shift), _U64(len(cells.loss))
+    cells.seen[:] = 0
     lost, without_entropy, uniform_cell = 0.0, 0, np.int64(-1)
-    k = _U64(0)
-    word, next_word = listed[_U64(WORD)], listed[_U64(LISTED + WORD)]
-    # One loop over all pixels, with the next tile's word at hand when a tile is done.
-    for _ in range(pixels):
-        place = _U64(lowest_bit(word))
-        level = max(np.int32(1), np.int32(last[_U64(listed[k]) | place] * slope + offset))
-        data[_U64(listed[k + _U64(BYTE)]) + _U64(slot_byte[place])] = level
-        stamp = listed[k + _U64(STAMP)]
-        key = ((place & _U64(16)) << _U64(4)) | _U64(level)
-        mark = seen[key]
-        same = _U32(mark - stamp) if mark > stamp else _U32(0)
-        seen[key] = _U32(_U32(stamp + same) + _U32(1))
-        if same:
-            cell = _U64(listed[k] >> _U32(5)) >> _U64(cells.tile_shift)
-            if cells.is_counted[cell]:
-                lost += cells.loss[same]
-                if same + _U32(2) == len(cells.loss):
-                    # A channel full of one level: the cell has no entropy if the other one is so too, or empty.
-                    other_is_uniform = uniform_cell == np.int64(cell)
-                    without_entropy += int(other_is_uniform or _is_empty(cells, cell, bool(place >= _U64(16))))
-                    uniform_cell = np.int64(cell)
-        word = _U32(word & _U32(word - _U32(1)))
-        done = _U64(word == _U32(0))
-        word = _U32(word | (next_word & _U32(-np.int64(done))))
-        k += done * _U64(LISTED)
-        next_word = listed[k + _U64(LISTED + WORD)]
+    for k in range(number):
+        tile = k if in_a_row else _U64(listed[k])
+        word = words[tile]
+        if word == _U32(0):
+            continue
+        twins = tile_levels(cells.last, tile << _U64(5), word, slope, offset, levels)
+        if not of_sample:
+            byte = _U64(cells.tile_byte[tile])
+            if byte < PARTIAL:
+                write_tile(levels, data, byte, row_bytes)
+            else:
+                _write_pixels(cells, word, data, byte - PARTIAL)
+        cell = tile >> shift
+        if cells.is_plain and twins <= FEW_TWINS:
+            lost += twins * cells.loss[1]
+        elif cells.is_counted[cell]:
+            loss, full = _lost_by_twins(cells, word, _U32(((k >> shift) + _U64(1)) * stamp_step))
+            lost += loss
+            if full:
+                other_is_full = full == 3 or uniform_cell == np.int64(cell)
+                without_entropy += int(other_is_full or _is_empty(cells, cell, full == 2))
+                uniform_cell = np.int64(cell)
     return lost, without_entropy
 
 
 @njit(cache=True, nogil=True)
-def _list_tiles(cells: CellMap, state: npt.NDArray[np.void], of_sample: bool) -> int:
-    """List the tiles that have events, all or the sample's, in the map's scratch; return their pixels with events."""
-    words, listed = cells.words, cells.listed
-    end, pixels = _U64(0), np.int64(0)
-    stamp_step = _U32(len(cells.loss))
-    if not of_sample and cells.tile_shift == 0 and state[0].touched * SPARSE_TILES < len(words):
-        # Few tiles have events: they come one by one, in the order in which they were touched.
-        for k in range(_U64(state[0].touched)):
-            _list_tile(cells, _U64(cells.touched_tiles[k]), _U32(_U32(k + _U64(1)) * stamp_step), end)
-            pixels += np.int64(count_bits(words[cells.touched_tiles[k]]))
-            end += _U64(LISTED)
-    else:
-        for index in range(len(cells.sample) if of_sample else len(words)):
-            tile = _U64(cells.sample[index]) if of_sample else _U64(index)
-            cell = tile >> _U64(cells.tile_shift)
-            _list_tile(cells, tile, _U32(_U32(cell + _U64(1)) * stamp_step), end)
-            pixels += np.int64(count_bits(words[tile]))
-            # Written always, kept if the tile has events.
-            end += _U64(words[tile] != _U32(0)) * _U64(LISTED)
-    listed[end : end + _U64(2 * LISTED)] = 0
-    return int(pixels)
+def _order(cells: CellMap, number: np.uint64) -> None:
+    """Put so many touched tiles in the order in which they lie in memory, by a bit for each tile."""
+    touched_tiles, marks = cells.touched_tiles, cells.marks
+    for k in range(number):
+        tile = touched_tiles[k]
+        marks[tile >> _U32(5)] |= _U32(1) << (tile & _U32(31))
+    end = _U64(0)
+    for group in range(_U64(len(marks))):
+        mark = marks[group]
+        marks[group] = 0
+        while mark:
+            touched_tiles[end] = (group << _U64(5)) | _U64(lowest_bit(mark))
+            end += _U64(1)
+            mark = _U32(mark & _U32(mark - _U32(1)))
 
 
 @njit(cache=True, nogil=True)
-def _list_tile(cells: CellMap, tile: np.uint64, stamp: np.uint32, at: np.uint64) -> None:
-    cells.listed[at] = _U32(tile << _U64(5))
-    cells.listed[at + _U64(BYTE)] = cells.tile_byte[tile]
-    cells.listed[at + _U64(STAMP)] = stamp
-    cells.listed[at + _U64(WORD)] = cells.words[tile]
+def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], byte: np.uint64) -> None:
+    """Write the levels of a tile that does not have all of its 4 x 4 pixels."""
+    while word:
+        place = _U64(lowest_bit(word))
+        data[byte + _U64(cells.slot_byte[place])] = cells.levels[place]
+        word = _U32(word & _U32(word - _U32(1)))
 
 
 @njit(cache=True, nogil=True)
-def clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
+def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[float, int]:
+    """What the entropies of a tile's channels lose by levels that come twice or more, and which channels of its cell
+    are full of one level now: the sum of 1 for On and 2 for Off.
+
+    A level has been seen c times in its cell and channel if its mark is the cell's stamp + c; stamps only grow.
+    """
+    lost, full = 0.0, 0
+    while word:
+        place = _U64(lowest_bit(word))
+        key = ((place & _U64(16)) << _U64(4)) | _U64(cells.levels[place])
+        mark = cells.seen[key]
+        same = _U32(mark - stamp) if mark > stamp else _U32(0)
+        cells.seen[key] = _U32(_U32(stamp + same) + _U32(1))
+        if same:
+            lost += cells.loss[same]
+            if same + _U32(2) == len(cells.loss):
+                full |= 1 + int(place >= _U64(16))
+        word = _U32(word & _U32(word - _U32(1)))
+    return lost, full
+
+
+@njit(cache=True, nogil=True)
+def clear(store: CellStore, state: npt.NDArray[np.void]) -> None:
     """Forget the frame's events."""
+    _clear(cells_in(store), state)
+
+
+@njit(cache=True, nogil=True)
+def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     touched = _U64(state[0].touched)
     if not cells.is_plain:
         for k in range(touched):
@@ -354,7 +399,7 @@ def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
 
 @njit(cache=True, nogil=True)
 def advance(
-    cells: CellMap,
+    store: CellStore,
     state: npt.NDArray[np.void],
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
@@ -375,13 +420,14 @@ def advance(
         The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
         frame is in data then, and the next one has begun), or 0 and 0.
     """
+    cells = cells_in(store)
     stop = first_after(t, first, limit_ns)
     i = first
     if state[0].events == 0:
         state[0].next = check_stride
     while True:
         part = min(stop, i + state[0].next - state[0].events)
-        add_events(cells, state, t, x, y, p, i, part, start_ns)
+        _add_events(cells, state, t, x, y, p, i, part, start_ns)
         i = part
         if state[0].events < state[0].next:
             return i, 0.0, 0
@@ -396,7 +442,7 @@ def advance(
             nzge = _read_out(cells, state, duration_ns, data)
             if nzge >= alpha:
                 events = state[0].events
-                clear(cells, state)
+                _clear(cells, state)
                 return i, nzge, events
             strides = _fail(state, check_stride)
         state[0].next += strides * check_stride

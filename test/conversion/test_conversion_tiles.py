@@ -1,0 +1,85 @@
+"""The vector instructions of a tile against plain Python, and where a cell map lies in its memory."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+from etd_ros.conversion.cell_map import TILE_SLOTS, cells_in, make_cell_map
+from etd_ros.conversion.kernels import HALF_UP
+from etd_ros.conversion.tiles import tile_levels, write_tile
+
+times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)
+words = st.integers(0, 2**TILE_SLOTS - 1)
+
+
+@njit
+def levels_of(last, slot, word, slope, levels):
+    return tile_levels(last, np.uint64(slot), np.uint32(word), slope, HALF_UP, levels)
+
+
+@njit
+def write(levels, data, byte, row_bytes):
+    write_tile(levels, data, np.uint64(byte), np.uint64(row_bytes))
+
+
+def expected_levels(last, word, slope):
+    """0 where there is no event, whatever the time says there."""
+    return [max(1, int(t * slope + HALF_UP)) if word >> slot & 1 else 0 for slot, t in enumerate(last)]
+
+
+@given(times, words, st.sampled_from([1, 1_000, 12_345_678, 2_000_000_000]), st.sampled_from([0, 32, 64]))
+@settings(deadline=None)
+def test_levels_and_twins_of_a_tile_are_those_of_its_pixels_one_by_one(tile_times, word, duration_ns, slot):
+    valid = [min(t, duration_ns) if word >> place & 1 else t for place, t in enumerate(tile_times)]
+    last = np.full(3 * TILE_SLOTS, 7, np.int32)
+    last[slot : slot + TILE_SLOTS] = valid
+    levels = np.zeros(TILE_SLOTS, np.uint8)
+    twins = levels_of(last, slot, word, 255.0 / duration_ns, levels)
+    wanted = expected_levels(valid, word, 255.0 / duration_ns)
+    assert levels.tolist() == wanted
+    channels = wanted[:16], wanted[16:]
+    assert twins == sum(a == b > 0 for channel in channels for a, b in combinations(channel, 2))
+
+
+@pytest.mark.parametrize("distance", range(1, 16))
+@pytest.mark.parametrize("first", [0, 16])
+def test_a_pair_is_one_pair_however_far_apart_it_is(first, distance):
+    last = np.arange(TILE_SLOTS, dtype=np.int32)
+    for place in range(16 - distance):
+        one, other = first + place, first + place + distance
+        last[:] = np.arange(TILE_SLOTS)
+        last[other] = last[one]
+        assert levels_of(last, 0, 2**TILE_SLOTS - 1, 7.0, np.zeros(TILE_SLOTS, np.uint8)) == 1
+
+
+def test_equal_levels_of_both_channels_are_no_pair():
+    last = np.tile(np.arange(16, dtype=np.int32), 2)
+    assert levels_of(last, 0, 2**TILE_SLOTS - 1, 7.0, np.zeros(TILE_SLOTS, np.uint8)) == 0
+
+
+def test_a_tile_is_written_row_by_row_with_the_channels_beside_each_other_and_nothing_else_is():
+    levels = np.arange(1, TILE_SLOTS + 1, dtype=np.uint8)
+    data = np.zeros((6, 7, 2), np.uint8)
+    write(levels, data.reshape(-1), (1 * 7 + 2) * 2, 7 * 2)
+    wanted = np.zeros_like(data)
+    wanted[1:5, 2:6] = levels.reshape(2, 4, 4).transpose(1, 2, 0)
+    np.testing.assert_array_equal(data, wanted)
+
+
+@pytest.mark.parametrize(("width", "height", "cell_size"), [(240, 180, 4), (346, 260, 4), (5, 3, 2), (70, 50, 9)])
+def test_the_arrays_of_a_map_fill_its_memory_and_do_not_overlap(width, height, cell_size):
+    store = make_cell_map(width, height, cell_size, 256.0)
+    arrays = [array for array in cells_in(store) if isinstance(array, np.ndarray)]
+    first = store.memory.ctypes.data
+    spans = sorted((array.ctypes.data - first, array.nbytes) for array in arrays)
+    ends = [start + size for start, size in spans]
+    assert all(end <= start for end, (start, _) in zip(ends, spans[1:], strict=False))
+    assert 0 <= store.memory.nbytes - ends[-1] < 8
+    cells = cells_in(store)
+    tiles = len(cells.is_counted) << cells.tile_shift
+    assert (len(cells.words), len(cells.last), len(cells.touched_tiles)) == (tiles, TILE_SLOTS * tiles, tiles + 1)
+    assert 32 * len(cells.marks) >= tiles
