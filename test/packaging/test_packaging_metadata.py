@@ -7,7 +7,12 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-ROSDEP_KEYS = {"cv2": "python3-opencv", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}
+ROSDEP_KEYS = {
+    "cv2": "python3-opencv",
+    "llvmlite": "python3-numba",  # a part of it, which has no key of its own
+    "rosbags": "python3-rosbags-pip",
+    "yaml": "python3-yaml",
+}
 PYTHON_MODULES = {"matplotlib", "numba", "numpy", "rich", "scipy"}
 OPTIONAL = {"aedat": "aedat", "distributed": "cluster", "rerun": "viz", "safetensors": "recovery", "torch": "recovery"}
 """Imported only by what needs them: extras of setup.py name them, package.xml does not."""
