@@ -30,7 +30,7 @@ class FrameAccumulator:
 
     Attributes:
         start_ns: T_{i-1} of the unfinished frame (ns).
-        cells, state, data: its events, where it stands, and room for it (uint8, flat); for the kernels.
+        store, state, data: its events, where it stands, and room for it (uint8, flat); for the kernels.
     """
 
     def __init__(self, width: int, height: int, cell_size: int = CELL_SIZE, log_base: float = LOG_BASE) -> None:
@@ -43,7 +43,7 @@ class FrameAccumulator:
         check_pixel_map(width, height)
         self.width = width
         self.height = height
-        self.cells: CellStore = make_cell_map(width, height, cell_size, log_base)
+        self.store: CellStore = make_cell_map(width, height, cell_size, log_base)
         self.state = np.array([EMPTY_STATE], STATE_DTYPE)
         self.data = self._empty_data()
         self.start_ns = 0
@@ -73,18 +73,18 @@ class FrameAccumulator:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
         wanted = None if boxes is None else tuple(boxes)
         if wanted != self._counted_boxes:
-            count_in(self.cells, wanted, self._cell_size)
+            count_in(self.store, wanted, self._cell_size)
             self._counted_boxes = wanted
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
         stop = int(first_after(events.t[:stop], first, limit_ns))
-        add_events(self.cells, self.state, events.t, events.x, events.y, events.p, first, stop, self.start_ns)
+        add_events(self.store, self.state, events.t, events.x, events.y, events.p, first, stop, self.start_ns)
         return stop
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        entropy, events = finish(self.cells, self.state, stamp_ns - self.start_ns, self.data)
+        entropy, events = finish(self.store, self.state, stamp_ns - self.start_ns, self.data)
         return self.hand_out(stamp_ns, end, entropy, events)
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, entropy: float, events: int) -> Frame:
@@ -110,7 +110,7 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        clear(self.cells, self.state)
+        clear(self.store, self.state)
         self.data.fill(0)
         self._previous_ns = None
 

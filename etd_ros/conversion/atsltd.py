@@ -145,7 +145,7 @@ class AtsltdConverter(AccumulatingConverter):
             if self._regions is not None and accumulator.events == 0:
                 accumulator.count_in(self._regions())
             i, reached_nzge, frame_events = advance(
-                accumulator.cells,
+                accumulator.store,
                 accumulator.state,
                 *(events.t, events.x, events.y, events.p),
                 i,

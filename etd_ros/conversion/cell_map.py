@@ -13,8 +13,10 @@ of no pixel, in tiles that are smaller or beyond the border of a sensor that r d
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +42,11 @@ SAMPLE_STEP = 8
 """One cell in so many is in the sample."""
 
 
+def _source_digest() -> str:
+    sources = (Path(__file__).with_name(name) for name in ("bits.py", "cell_map.py", "tiles.py"))
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]
+
+
 SIZES_DTYPE = np.dtype(
     [
         ("height", "<i8"),
@@ -52,11 +59,11 @@ SIZES_DTYPE = np.dtype(
         ("sampled", "<i8"),
         ("sample_scale", "<f8"),
         ("entropy_one", "<f8"),
-        ("layout_1", "<i8"),
+        (f"made_by_{_source_digest()}", "<i8"),
     ]
 )
-"""h, w, C, m and the numbers of `CellMap`, whose `sample` has `sampled` tiles. Who changes the layout of the memory has
-to rename the last field, which says nothing else: kernels that were compiled for another type are not used."""
+"""h, w, C, m and the numbers of `CellMap`, whose `sample` has `sampled` tiles. The last field is empty; by its name
+kernels that were compiled with other sources of the map and its tiles are for another type, and not used."""
 
 
 class CellStore(NamedTuple):
@@ -124,29 +131,30 @@ def cells_in(store: CellStore) -> CellMap:
     sizes = store.sizes[0]
     cells, counts_max = sizes.cells, sizes.cell_pixels + 1
     tiles = cells << sizes.tile_shift
-    entropy, rest = store.memory[: counts_max + 1], store.memory[counts_max + 1 :]
-    loss, words = rest[:counts_max].view(np.float64), rest[counts_max:].view(np.uint32)
-    row_slot, words = words[: sizes.height], words[sizes.height :]
-    column_slot, words = words[: sizes.width], words[sizes.width :]
-    last, words = words[: TILE_SLOTS * tiles].view(np.int32), words[TILE_SLOTS * tiles :]
-    bits, words = words[:tiles], words[tiles:]
-    tile_byte, words = words[:tiles], words[tiles:]
-    slot_byte, words = words[:TILE_SLOTS], words[TILE_SLOTS:]
-    is_counted, words = words[:cells], words[cells:]
-    counts, words = words[: 2 * cells], words[2 * cells :]
-    sample, words = words[: sizes.sampled], words[tiles:]
-    touched_tiles, words = words[: tiles + 1], words[tiles + 1 :]
-    slots, words = words[:BLOCK_EVENTS], words[BLOCK_EVENTS:]
-    seen, words = words[: 2 * GREY_LEVELS], words[2 * GREY_LEVELS :]
-    levels, words = words[: TILE_SLOTS // 4].view(np.uint8), words[TILE_SLOTS // 4 :]
+    entropy, wide = store.memory[: counts_max + 1], store.memory[counts_max + 1 :]
+    loss, rest = wide[:counts_max].view(np.float64), wide[counts_max:].view(np.uint32)
+    row_slot, rest = rest[: sizes.height], rest[sizes.height :]
+    column_slot, rest = rest[: sizes.width], rest[sizes.width :]
+    last, rest = rest[: TILE_SLOTS * tiles].view(np.int32), rest[TILE_SLOTS * tiles :]
+    words, rest = rest[:tiles], rest[tiles:]
+    tile_byte, rest = rest[:tiles], rest[tiles:]
+    slot_byte, rest = rest[:TILE_SLOTS], rest[TILE_SLOTS:]
+    is_counted, rest = rest[:cells], rest[cells:]
+    counts, rest = rest[: 2 * cells], rest[2 * cells :]
+    # The sample changes with the cells that count: there is room for all tiles.
+    sample, rest = rest[: sizes.sampled], rest[tiles:]
+    touched_tiles, rest = rest[: tiles + 1], rest[tiles + 1 :]
+    slots, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
+    seen, rest = rest[: 2 * GREY_LEVELS], rest[2 * GREY_LEVELS :]
+    levels, rest = rest[: TILE_SLOTS // 4].view(np.uint8), rest[TILE_SLOTS // 4 :]
     return CellMap(
-        row_slot, column_slot, last, bits, tile_byte, slot_byte, sizes.tile_shift, is_counted, sizes.is_plain != 0,
+        row_slot, column_slot, last, words, tile_byte, slot_byte, sizes.tile_shift, is_counted, sizes.is_plain != 0,
         counts, sample, sizes.sample_scale, entropy, sizes.entropy_one, loss, sizes.columns, touched_tiles, slots, seen,
-        levels, words[: tiles // 32 + 1],
+        levels, rest[: tiles // 32 + 1],
     )  # fmt: skip
 
 
-def _words(height: int, width: int, cells: int, tiles: int) -> int:
+def _word_count(height: int, width: int, cells: int, tiles: int) -> int:
     """How many 32-bit words `cells_in` deals out."""
     scratch = BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4 + tiles // 32 + 1
     return height + width + (TILE_SLOTS + 4) * tiles + 1 + TILE_SLOTS + 3 * cells + scratch
@@ -167,7 +175,8 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     cell, tile = np.divmod(np.arange(rows * columns * side * side), side * side)
     top = cell // columns * cell_size + tile // side * TILE_SIDE
     left = cell % columns * cell_size + tile % side * TILE_SIDE
-    is_partial = (top + TILE_SIDE > height) | (left + TILE_SIDE > width) | (cell_size % TILE_SIDE > 0)
+    is_partial = (top + TILE_SIDE > height) | (tile // side * TILE_SIDE + TILE_SIDE > cell_size)
+    is_partial |= (left + TILE_SIDE > width) | (tile % side * TILE_SIDE + TILE_SIDE > cell_size)
     channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
     entropy, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
     sizes = np.zeros(1, SIZES_DTYPE)
@@ -175,7 +184,7 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     sizes["cell_pixels"], sizes["tile_shift"] = cell_size * cell_size, 2 * (side.bit_length() - 1)
     sizes["columns"] = columns if cell_size == TILE_SIDE else 0
     sizes["entropy_one"] = entropy_one
-    words = _words(height, width, rows * columns, len(tile))
+    words = _word_count(height, width, rows * columns, len(tile))
     store = CellStore(sizes, np.zeros(len(entropy) + len(loss) + -(-words // 2), np.int64))
     cells = cells_in(store)
     cells.entropy[:], cells.loss[:] = entropy, loss
@@ -197,7 +206,7 @@ def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.ND
     return np.append(whole, whole[-1]), np.append(np.diff(c_log_c), 0.0), entropy_one
 
 
-def _sample(is_counted: npt.NDArray[np.uint32], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
+def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
     """`CellMap.sample` and `sample_scale`; strewn by a hash of the cells' numbers, so that no pattern fits it."""
     counted = np.flatnonzero(is_counted).astype(np.uint64)
     cells = counted[(counted * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)]

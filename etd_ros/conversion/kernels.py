@@ -1,8 +1,8 @@
 """The kernels of conversion: events into the cell map, a running bound of its NZGE, and the frame out of it.
 
-They stay in one module: the compiler's cache knows only changes of a kernel's own file. Loops over events have no
-branches on what comes: the processor cannot predict it. Indices are unsigned: for signed ones the compiler adds a
-comparison to each access, as a negative index would count from the end.
+They stay in one module: the compiler's cache knows only changes of a kernel's own file, and, by `CellStore`, of what
+the map is made of. Loops over events have no branches on what comes: the processor cannot predict it. Indices are
+unsigned: for signed ones the compiler adds a comparison to each access, as a negative index would count from the end.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ SAMPLE_TRUST = 0.9
 
 SPARSE_TILES = 2
 """Tiles with events come one by one if there are less than one in so many; else all tiles come in a row."""
+
+FEW_TILES = 8
+"""Tiles are cleared one by one if less than one in so many has events; to clear all at once is fast."""
 
 ORDERED_TILES = 16384
 """So many tiles are more than the processor's near memory holds: they are read in the order in which they lie."""
@@ -65,6 +68,8 @@ checks that found less than alpha.
 
 EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0)
 
+ON, OFF = 1, 2
+
 _U32, _U64 = np.uint32, np.uint64
 
 
@@ -80,10 +85,7 @@ def add_events(
     stop: int,
     start_ns: int,
 ) -> None:
-    """Add events first .. stop - 1 to the frame that starts at start_ns.
-
-    In blocks, whose slots are found first, in loops that the compiler vectorises.
-    """
+    """Add events first .. stop - 1 to the frame that starts at start_ns."""
     _add_events(cells_in(store), state, t, x, y, p, first, stop, start_ns)
 
 
@@ -99,6 +101,7 @@ def _add_events(
     stop: int,
     start_ns: int,
 ) -> None:
+    """In blocks, whose slots are found first, in loops that the compiler vectorises."""
     state[0].events += stop - first
     while first < stop:
         number = min(stop - first, len(cells.slots))
@@ -241,7 +244,7 @@ def finish(
 @njit(cache=True, nogil=True)
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
-    lost, without_entropy = _write_levels(cells, state, duration_ns, False, data)
+    lost, without_entropy = _read_levels(cells, state, duration_ns, False, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
     state[0].without_entropy = without_entropy
@@ -252,7 +255,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
 @njit(cache=True, nogil=True)
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
     """Note what a sample of the cells has lost."""
-    lost, without_entropy = _write_levels(cells, state, duration_ns, True, data)
+    lost, without_entropy = _read_levels(cells, state, duration_ns, True, data)
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
@@ -260,7 +263,7 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
 
 
 @njit(cache=True, nogil=True)
-def _write_levels(
+def _read_levels(
     cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
     """Write the levels of the pixels with events, or look at those of the sample without writing them.
@@ -281,10 +284,10 @@ def _write_levels(
     if in_a_row:
         number = _U64(len(words))
     elif not of_sample and len(words) >= ORDERED_TILES:
-        _order(cells, number)
+        _sort_touched(cells, number)
     shift, stamp_step = _U64(cells.tile_shift), _U64(len(cells.loss))
     cells.seen[:] = 0
-    lost, without_entropy, uniform_cell = 0.0, 0, np.int64(-1)
+    lost, without_entropy = 0.0, 0
     for k in range(number):
         tile = k if in_a_row else _U64(listed[k])
         word = words[tile]
@@ -296,22 +299,20 @@ def _write_levels(
             if byte < PARTIAL:
                 write_tile(levels, data, byte, row_bytes)
             else:
-                _write_pixels(cells, word, data, byte - PARTIAL)
+                _write_pixels(cells, word, data, byte - _U64(PARTIAL))
         cell = tile >> shift
-        if cells.is_plain and twins <= FEW_TWINS:
-            lost += twins * cells.loss[1]
+        if shift == _U64(0) and twins <= FEW_TWINS:
+            lost += twins * cells.loss[1] * cells.is_counted[cell]
         elif cells.is_counted[cell]:
             loss, full = _lost_by_twins(cells, word, _U32(((k >> shift) + _U64(1)) * stamp_step))
             lost += loss
             if full:
-                other_is_full = full == 3 or uniform_cell == np.int64(cell)
-                without_entropy += int(other_is_full or _is_empty(cells, cell, full == 2))
-                uniform_cell = np.int64(cell)
+                without_entropy += int(full == (ON | OFF) or _is_empty(cells, cell, full == OFF))
     return lost, without_entropy
 
 
 @njit(cache=True, nogil=True)
-def _order(cells: CellMap, number: np.uint64) -> None:
+def _sort_touched(cells: CellMap, number: np.uint64) -> None:
     """Put so many touched tiles in the order in which they lie in memory, by a bit for each tile."""
     touched_tiles, marks = cells.touched_tiles, cells.marks
     for k in range(number):
@@ -339,7 +340,7 @@ def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], 
 @njit(cache=True, nogil=True)
 def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[float, int]:
     """What the entropies of a tile's channels lose by levels that come twice or more, and which channels of its cell
-    are full of one level now: the sum of 1 for On and 2 for Off.
+    are full of one level: ON, OFF or both. A channel fills up in its cell's last tile.
 
     A level has been seen c times in its cell and channel if its mark is the cell's stamp + c; stamps only grow.
     """
@@ -353,7 +354,7 @@ def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[f
         if same:
             lost += cells.loss[same]
             if same + _U32(2) == len(cells.loss):
-                full |= 1 + int(place >= _U64(16))
+                full |= OFF if place >= _U64(16) else ON
         word = _U32(word & _U32(word - _U32(1)))
     return lost, full
 
@@ -372,7 +373,7 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
             cell = _U64(cells.touched_tiles[k]) >> _U64(cells.tile_shift)
             cells.counts[cell << _U64(1)] = 0
             cells.counts[(cell << _U64(1)) | _U64(1)] = 0
-    if state[0].touched * SPARSE_TILES < len(cells.words):
+    if state[0].touched * FEW_TILES < len(cells.words):
         for k in range(touched):
             cells.words[cells.touched_tiles[k]] = 0
     else:

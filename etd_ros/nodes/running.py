@@ -158,7 +158,7 @@ def _let_go(node: EtdNode | None, executor: SingleThreadedExecutor | None) -> No
     for number in LEAVE:
         signal.signal(number, signal.SIG_IGN)
     # ROS's thread for signals wakes every executor, after Python has heard the signal: this waits for its end, else it
-    # would reach for an executor that is gone.
+    # would reach for an executor that is gone. For a microsecond in it, a signal does what it did before ROS heard it.
     uninstall_signal_handlers()
     # It holds on to what it waits for, and with that to shared memory.
     if executor is not None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from etd_ros.conversion.cell_map import TILE_SLOTS, cells_in, make_cell_map
+from etd_ros.conversion.cell_map import PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.kernels import HALF_UP
 from etd_ros.conversion.tiles import tile_levels, write_tile
 
@@ -70,7 +70,11 @@ def test_a_tile_is_written_row_by_row_with_the_channels_beside_each_other_and_no
     np.testing.assert_array_equal(data, wanted)
 
 
-@pytest.mark.parametrize(("width", "height", "cell_size"), [(240, 180, 4), (346, 260, 4), (5, 3, 2), (70, 50, 9)])
+SENSORS = [(240, 180), (346, 260), (5, 3), (70, 50), (1, 1)]
+
+
+@pytest.mark.parametrize("cell_size", [2, 3, 4, 5, 8, 9])
+@pytest.mark.parametrize(("width", "height"), SENSORS)
 def test_the_arrays_of_a_map_fill_its_memory_and_do_not_overlap(width, height, cell_size):
     store = make_cell_map(width, height, cell_size, 256.0)
     arrays = [array for array in cells_in(store) if isinstance(array, np.ndarray)]
@@ -83,3 +87,15 @@ def test_the_arrays_of_a_map_fill_its_memory_and_do_not_overlap(width, height, c
     tiles = len(cells.is_counted) << cells.tile_shift
     assert (len(cells.words), len(cells.last), len(cells.touched_tiles)) == (tiles, TILE_SLOTS * tiles, tiles + 1)
     assert 32 * len(cells.marks) >= tiles
+
+
+@pytest.mark.parametrize("cell_size", [2, 3, 4, 5, 8, 9])
+@pytest.mark.parametrize(("width", "height"), SENSORS)
+def test_a_tile_is_partial_unless_all_of_its_pixels_are_its_own(width, height, cell_size):
+    cells = cells_in(make_cell_map(width, height, cell_size, 256.0))
+    owned = np.zeros(len(cells.words), int)
+    slots = cells.row_slot[:, None] + cells.column_slot[None, :]
+    np.add.at(owned, slots.ravel() // TILE_SLOTS, 1)
+    assert (cells.tile_byte[owned > 0] >= PARTIAL).tolist() == (owned[owned > 0] < TILE_SIDE**2).tolist()
+    whole = cells.tile_byte[owned == TILE_SIDE**2].astype(int)
+    assert (whole + 3 * 2 * width + 8 <= 2 * width * height).all()
