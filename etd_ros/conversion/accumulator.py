@@ -12,7 +12,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
 from etd_ros.conversion.cell_map import CellStore, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import EMPTY_STATE, STATE_DTYPE, add_events, clear, finish, first_after
+from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -78,9 +78,19 @@ class FrameAccumulator:
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
-        stop = int(first_after(events.t[:stop], first, limit_ns))
-        add_events(self.store, self.state, events.t, events.x, events.y, events.p, first, stop, self.start_ns)
-        return stop
+        added, *_ = advance(
+            self.store,
+            self.state,
+            *(events.t[:stop], events.x, events.y, events.p),
+            first,
+            self.start_ns,
+            self.start_ns,
+            limit_ns,
+            1.0,
+            NO_CHECKS,
+            self.data,
+        )
+        return int(added)
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
@@ -110,7 +120,7 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        clear(self.store, self.state)
+        finish(self.store, self.state, 0, self.data)
         self.data.fill(0)
         self._previous_ns = None
 

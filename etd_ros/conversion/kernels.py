@@ -39,6 +39,9 @@ ORDERED_TILES = 16384
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
 
+NO_CHECKS = 2**62
+"""A `check_stride` that no frame reaches."""
+
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
 
@@ -74,22 +77,6 @@ _U32, _U64 = np.uint32, np.uint64
 
 
 @njit(cache=True, nogil=True)
-def add_events(
-    store: CellStore,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: int,
-    stop: int,
-    start_ns: int,
-) -> None:
-    """Add events first .. stop - 1 to the frame that starts at start_ns."""
-    _add_events(cells_in(store), state, t, x, y, p, first, stop, start_ns)
-
-
-@njit(cache=True, nogil=True)
 def _add_events(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -101,7 +88,10 @@ def _add_events(
     stop: int,
     start_ns: int,
 ) -> None:
-    """In blocks, whose slots are found first, in loops that the compiler vectorises."""
+    """Add events first .. stop - 1 to the frame that starts at start_ns.
+
+    In blocks, whose slots are found first, in loops that the compiler vectorises.
+    """
     state[0].events += stop - first
     while first < stop:
         number = min(stop - first, len(cells.slots))
@@ -215,7 +205,7 @@ def _mark_and_count_slots(
 
 
 @njit(cache=True, nogil=True)
-def first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
+def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
     """Index of the first event from `first` on that comes after limit_ns."""
     low, high = first, len(t)
     if low < high and t[high - 1] <= limit_ns:
@@ -360,13 +350,8 @@ def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[f
 
 
 @njit(cache=True, nogil=True)
-def clear(store: CellStore, state: npt.NDArray[np.void]) -> None:
-    """Forget the frame's events."""
-    _clear(cells_in(store), state)
-
-
-@njit(cache=True, nogil=True)
 def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
+    """Forget the frame's events."""
     touched = _U64(state[0].touched)
     if not cells.is_plain:
         for k in range(touched):
@@ -422,7 +407,7 @@ def advance(
         frame is in data then, and the next one has begun), or 0 and 0.
     """
     cells = cells_in(store)
-    stop = first_after(t, first, limit_ns)
+    stop = _first_after(t, first, limit_ns)
     i = first
     if state[0].events == 0:
         state[0].next = check_stride
@@ -436,7 +421,7 @@ def advance(
         duration_ns = t[i - 1] - start_ns
         if t[i - 1] < earliest_ns:
             # To the first check that may succeed, or the batch's end.
-            strides = 1 + (first_after(t, i, earliest_ns - 1) - i) // check_stride
+            strides = 1 + (_first_after(t, i, earliest_ns - 1) - i) // check_stride
         elif duration_ns > 0:
             strides = _strides_below(cells, state, alpha, check_stride, duration_ns, data)
         if strides == 0:
