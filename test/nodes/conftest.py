@@ -128,6 +128,12 @@ class Bench:
         """A value of a node's diagnostics, empty while there is none."""
         return self.diagnostics.get(node, {}).get(key, "")
 
+    def next_figure(self, node: str, key: str) -> str:
+        """A value of the next diagnostics that come from a node."""
+        self.diagnostics.pop(node, None)
+        self.wait_until(lambda: node in self.diagnostics, f"{node} reports")
+        return self.figure(node, key)
+
     def end(self, name: str, by: signal.Signals = signal.SIGINT) -> int:
         """Signal a process and return its exit code."""
         process = self.processes[name]

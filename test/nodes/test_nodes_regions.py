@@ -99,4 +99,4 @@ def test_no_search_regions_before_a_target_has_started(bench, events):
         source.publish(message)
     bench.wait_until(lambda: bool(bench.messages[REGIONS]), "a frame is tracked")
     assert {decode_detections(message).detections for message in bench.messages[REGIONS]} == {()}
-    assert bench.figure("accumulator", "search regions") == "0"
+    assert bench.next_figure("accumulator", "search regions") == "0"

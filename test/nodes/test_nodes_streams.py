@@ -77,7 +77,7 @@ def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository
     assert len(set(images) & set(frames)) > len(frames) / 2
     for name in ("accumulator", "reconstruction", "tracker"):
         assert "internal error" not in bench.log(name)
-        assert bench.figure(name, "errors") == "0"
+        assert bench.next_figure(name, "errors") == "0"
 
 
 def test_a_publisher_of_another_event_type_is_read_when_it_takes_the_place_of_the_first(bench):
