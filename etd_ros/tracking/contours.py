@@ -10,7 +10,8 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.parameters import Parameters, parameter
-from etd_ros.tracking.contour_drawing import learn, normalise, splat
+from etd_ros.tracking.cell_weights import OUTSIDE_FADES, WEIGHT_FADES, oval
+from etd_ros.tracking.contour_drawing import learn, normalise, splat, trust_what_stays
 from etd_ros.tracking.contour_kernels import (
     MAPS,
     SUMS,
@@ -136,8 +137,11 @@ class Contours:
         self.size_px = box.w, box.h
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
         self._usual: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
-        self._usual[WEIGHT] = oval(rows, columns, *(side / self.cell_px for side in self.size_px))
+        width, height = (side / self.cell_px for side in self.size_px)
+        self._usual[WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
+        self._outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
         self._recent = self._usual.copy()
+        self._trusted = self._usual.copy()
         self._both = self._usual.copy()
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
@@ -188,7 +192,7 @@ class Contours:
 
     @property
     def _maps(self) -> Float32Array:
-        return self._both if self.is_changing else self._usual
+        return self._both if self.is_changing else self._trusted
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -295,7 +299,7 @@ class Contours:
         direction = self._direction_by_the_cell()
         learn(self._usual, self.drawn, direction, rate)
         learn(self._recent, self.drawn, direction, max(rate, trust * RECENT_RATE))
-        np.add(0.5 * self._usual, 0.5 * self._recent, out=self._both)
+        trust_what_stays(self._usual, self._recent, self._outside, self.room, self._trusted, self._both)
         self._see(rate)
 
     def stop(self) -> None:
@@ -308,7 +312,7 @@ class Contours:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
-        for maps in (self._usual, self._recent, self._both):
+        for maps in (self._usual, self._recent, self._trusted, self._both):
             learn(maps, self.drawn, self._direction_by_the_cell(), 1.0)
         self._see(1.0)
         self._looks = looks_known
@@ -391,13 +395,3 @@ class Contours:
 
     def _span_s(self, stamp_ns: int) -> float:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)
-
-
-def oval(rows: int, columns: int, width: float, height: float) -> Float32Array:
-    """Weights of the cells, shape (rows, columns): 1 in an oval a little larger than the box, falling to 0."""
-    y, x = np.mgrid[0:rows, 0:columns]
-    radius = np.hypot(
-        (x - (columns - 1) / 2) / (0.575 * width),
-        (y - (rows - 1) / 2) / (0.575 * height),
-    )
-    return np.asarray(np.clip((1.25 - radius) / 0.3, 0, 1), np.float32)

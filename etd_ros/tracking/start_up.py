@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
-from etd_ros.tracking.contours import BORDER_CELLS, Contours, oval
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contours import BORDER_CELLS, Contours
 from etd_ros.tracking.surface import TimeSurface
 
 LOOKS = 10
@@ -57,7 +58,7 @@ class StartUp:
         self._cell_px = CELL * contours.cell_px
         width, height = (side / self._cell_px for side in contours.size_px)
         columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
-        self._weight = oval(rows, columns, width, height)
+        self._weight = oval(rows, columns, width, height, WEIGHT_FADES)
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
         self._ring = np.asarray(1 - self._weight, np.float32)
@@ -142,7 +143,8 @@ class StartUp:
     def _finish(self, events: Float32Array, moved_px: float) -> None:
         contours = self._contours
         speed = contours.speed_px_s
-        splat(events, len(events), self._pose, contours.cell_px, contours.motion, contours.drawn)
+        seen = _as_looks_see(events, contours.config.window_px / max(speed, 1e-3))
+        splat(seen, len(seen), self._pose, contours.cell_px, contours.motion, contours.drawn)
         direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
 
@@ -152,3 +154,16 @@ def _shares_of_pixels(events: Float32Array) -> Float32Array:
     number = events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)
     _, pixels, counts = np.unique(number, return_inverse=True, return_counts=True)
     return np.asarray(1 / counts[pixels], np.float32)
+
+
+def _as_looks_see(events: Float32Array, window_s: float) -> Float32Array:
+    """The newest event of each pixel and polarity in each window of time, counted back from the newest of all.
+
+    That is what a look has of them: where an edge makes several events in a pixel the last, behind its middle. A model
+    of all events would be found ahead of where it lies.
+    """
+    newest_first = events[np.argsort(events[:, AGE], kind="stable")]
+    windows = ((newest_first[:, AGE] - newest_first[0, AGE]) / window_s).astype(np.int64)
+    x, y = (newest_first[:, axis].astype(np.int64) for axis in (X, Y))
+    key = ((windows * PIXELS_MAX + y) * PIXELS_MAX + x) * 2 + (newest_first[:, POLARITY] > 0)
+    return np.ascontiguousarray(newest_first[np.unique(key, return_index=True)[1]])
