@@ -28,7 +28,7 @@ SEARCH_MARGIN = 1.5
 """Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
 CONFIDENCE_OK, CONFIDENCE_MIN = 0.55, 0.3
 """From where on a look is believed in full, and at all (docs/tracking.md)."""
-CONFIDENCE_SURE, SURE_S, SURE_AGE_NS = 0.8, 0.03, 200_000_000
+CONFIDENCE_SURE, SURE_S, SURE_AGE_NS = 0.9, 0.03, 500_000_000
 """From where on nothing stands before the target. What hides it draws its box along before looks fail, so that it is
 looked for from where it was last seen surely, unless that was long ago, at its velocity averaged over this time."""
 CONFIDENCE_USUAL = 0.7
