@@ -26,7 +26,10 @@ from etd_ros.tracking.contour_kernels import (
 
 REACH_CELLS = 1
 """Whether a cell stays the same is judged with so many cells round it: single ones are noisy."""
-CHANGE_WEIGHT = 3.0
+DISTRUST = 3.0
+"""How much a change weighs against what stays."""
+SQUARES_FLOOR = 1e-5
+"""Added to what stays, so that empty cells divide by something."""
 COHERENCE_FLOOR = 10.0
 """Added to the coherence that is possible, so that few points never look coherent."""
 CROWDING_POWER = 0.7
@@ -261,12 +264,12 @@ def trust_what_stays(usual: Float32Array, recent: Float32Array, outside: Float32
         for column in range(columns):
             trust = 1.0
             if outside[row, column] > 0 and usual[WEIGHT, row, column] > 0:
-                square, change = 1e-5, 0.0
+                square, change = SQUARES_FLOOR, 0.0
                 for r in range(max(0, row - REACH_CELLS), min(rows, row + REACH_CELLS + 1)):
                     for c in range(max(0, column - REACH_CELLS), min(columns, column + REACH_CELLS + 1)):
                         square += room[0, r, c]
                         change += room[1, r, c]
-                trust -= outside[row, column] * (1 - square / (square + CHANGE_WEIGHT * change))
+                trust -= outside[row, column] * (1 - square / (square + DISTRUST * change))
             for layer in (GRADIENT_X, GRADIENT_Y, RIDGE):
                 trusted[layer, row, column] = trust * usual[layer, row, column]
                 mean = 0.5 * (usual[layer, row, column] + recent[layer, row, column])

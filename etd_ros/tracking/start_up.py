@@ -163,7 +163,7 @@ def _as_looks_see(events: Float32Array, window_s: float) -> Float32Array:
     of all events would be found ahead of where it lies.
     """
     newest_first = events[np.argsort(events[:, AGE], kind="stable")]
-    windows = ((newest_first[:, AGE] - newest_first[0, AGE]) / window_s).astype(np.int64)
+    windows = ((newest_first[:, AGE] - newest_first[:1, AGE]) / window_s).astype(np.int64)
     x, y = (newest_first[:, axis].astype(np.int64) for axis in (X, Y))
     key = ((windows * PIXELS_MAX + y) * PIXELS_MAX + x) * 2 + (newest_first[:, POLARITY] > 0)
     return np.ascontiguousarray(newest_first[np.unique(key, return_index=True)[1]])

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from test_tracking_contours import HEIGHT, SIZE, WIDTH, frames_of, overlap, tracked
+from test_tracking_contours import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, tracked
 
+from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks
-from etd_ros.tracking import contours, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contours, start_up
 
 
 def lag_px(scene, frames, since_s):
@@ -49,3 +50,14 @@ def test_what_lies_behind_a_target_does_not_draw_its_box_along(monkeypatch, seed
     with_trust = mean_overlap()
     monkeypatch.setattr(contours, "OUTSIDE_FADES", (9.0, 10.0))
     assert with_trust > mean_overlap() + 0.015
+
+
+def test_a_start_where_nothing_moves_and_no_pixel_fires_comes_to_an_end():
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    box = Box(80, 60, SIZE, SIZE)
+    tracker.start("thing", box, START_NS)
+    dark = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+    for number in range(1, 100):
+        (report,) = tracker.update(START_NS + number * 10_000_000, dark)
+    assert report.state is TargetState.TRACKING
+    assert report.box == box
