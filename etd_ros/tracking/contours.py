@@ -296,11 +296,7 @@ class Contours:
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        direction = self._direction_by_the_cell()
-        learn(self._usual, self.drawn, direction, rate)
-        learn(self._recent, self.drawn, direction, max(rate, trust * RECENT_RATE))
-        trust_what_stays(self._usual, self._recent, self._outside, self.room, self._trusted, self._both)
-        self._see(rate)
+        self._learn(rate, max(rate, trust * RECENT_RATE))
 
     def stop(self) -> None:
         """Take the target to be at rest."""
@@ -312,10 +308,16 @@ class Contours:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
-        for maps in (self._usual, self._recent, self._trusted, self._both):
-            learn(maps, self.drawn, self._direction_by_the_cell(), 1.0)
-        self._see(1.0)
+        self._learn(1.0, 1.0)
         self._looks = looks_known
+
+    def _learn(self, usual_rate: float, recent_rate: float) -> None:
+        """Move both memories towards what is drawn and normalised."""
+        direction = self._direction_by_the_cell()
+        learn(self._usual, self.drawn, direction, usual_rate)
+        learn(self._recent, self.drawn, direction, recent_rate)
+        trust_what_stays(self._usual, self._recent, self._outside, self.room, self._trusted, self._both)
+        self._see(usual_rate)
 
     def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
         if self.config.scale_gain > 0:

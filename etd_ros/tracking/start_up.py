@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
@@ -149,10 +150,14 @@ class StartUp:
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
 
 
+def _pixel_numbers(events: Float32Array) -> npt.NDArray[np.int64]:
+    """A number for each event's pixel, shape (n,)."""
+    return events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)
+
+
 def _shares_of_pixels(events: Float32Array) -> Float32Array:
     """What each event counts, shape (n,), so that those of a pixel count as one together."""
-    number = events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)
-    _, pixels, counts = np.unique(number, return_inverse=True, return_counts=True)
+    _, pixels, counts = np.unique(_pixel_numbers(events), return_inverse=True, return_counts=True)
     return np.asarray(1 / counts[pixels], np.float32)
 
 
@@ -164,6 +169,5 @@ def _as_looks_see(events: Float32Array, window_s: float) -> Float32Array:
     """
     newest_first = events[np.argsort(events[:, AGE], kind="stable")]
     windows = ((newest_first[:, AGE] - newest_first[:1, AGE]) / window_s).astype(np.int64)
-    x, y = (newest_first[:, axis].astype(np.int64) for axis in (X, Y))
-    key = ((windows * PIXELS_MAX + y) * PIXELS_MAX + x) * 2 + (newest_first[:, POLARITY] > 0)
+    key = (windows * PIXELS_MAX**2 + _pixel_numbers(newest_first)) * 2 + (newest_first[:, POLARITY] > 0)
     return np.ascontiguousarray(newest_first[np.unique(key, return_index=True)[1]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_tracking_contours import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, tracked
+from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint

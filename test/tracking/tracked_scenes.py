@@ -1,0 +1,56 @@
+"""Simulated scenes for the tests of `etd-plus`, and what it makes of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from etd_ros.boxes import iou
+from etd_ros.engine import FrameSource
+from etd_ros.events import concatenate
+from etd_ros.settings import Settings
+from etd_ros.simulation import Path, Scene, Sprite, simulate
+from etd_ros.simulation.sensor import SensorConfig
+from etd_ros.simulation.textures import checks, smooth_noise
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+
+START_NS = 1_000_000_000
+WIDTH, HEIGHT = 240, 180
+SIZE = 36
+
+
+def scene_of(*waypoints, duration_s=1.0, cover=()):
+    """A checked square on a way before a smooth wall; covers pass in front of it."""
+    rng = np.random.default_rng(5)
+    wall = 0.5 + 0.05 * smooth_noise(rng, HEIGHT, WIDTH)
+    thing = Sprite("thing", checks(rng, SIZE, SIZE, cell=9), np.ones((SIZE, SIZE)), Path(waypoints))
+    return Scene(WIDTH, HEIGHT, duration_s, wall, (thing, *cover))
+
+
+def events_of(scene, *, noise_rate_hz=1000.0):
+    return concatenate(
+        list(simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=noise_rate_hz)))
+    )
+
+
+def frames_of(scene, *, noise_rate_hz=1000.0):
+    events = events_of(scene, noise_rate_hz=noise_rate_hz)
+    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
+
+
+def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None):
+    """(seconds, report, truth) of each frame from the start on; those that start in a span of time are missing."""
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig())
+    tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9))
+    found = []
+    for frame in frames or frames_of(scene):
+        if unseen_s[0] <= (frame.start_ns - START_NS) * 1e-9 < unseen_s[1]:
+            continue
+        (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+        time_s = (frame.stamp_ns - START_NS) * 1e-9
+        if report.state is not TargetState.IDLE:
+            found.append((time_s, report, scene.box("thing", time_s)))
+    return found
+
+
+def overlap(report, truth):
+    return 0.0 if report.box is None else float(iou(np.array([report.box]), truth)[0])
