@@ -24,12 +24,6 @@ from etd_ros.tracking.contour_kernels import (
     Y,
 )
 
-REACH_CELLS = 1
-"""Whether a cell stays the same is judged with so many cells round it: single ones are noisy."""
-DISTRUST = 3.0
-"""How much a change weighs against what stays."""
-SQUARES_FLOOR = 1e-5
-"""Added to what stays, so that empty cells divide by something."""
 COHERENCE_FLOOR = 10.0
 """Added to the coherence that is possible, so that few points never look coherent."""
 CROWDING_POWER = 0.7
@@ -232,45 +226,3 @@ def learn(maps: Float32Array, drawn: Float32Array, direction: Float64Array, rate
     for row in range(rows):
         for column in range(columns):
             maps[RIDGE, row, column] = maps[DENSITY, row, column] - mean * maps[WEIGHT, row, column]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def trust_what_stays(usual: Float32Array, recent: Float32Array, outside: Float32Array, room: Float32Array,
-                     trusted: Float32Array, both: Float32Array) -> None:  # fmt: skip
-    """What looks are compared with: the usual maps, into `trusted`, and the mean of both, into `both`.
-
-    Cells outside of the target also show what lies behind it. That moves through them, so it looks different lately
-    than usual: there a cell counts by u / (u + 3 c), u being the squares of the usual maps round it, c those of the
-    differences of the two.
-
-    Args:
-        usual: maps, shape (MAPS, rows, columns).
-        recent: what they were lately.
-        outside: how far each cell is taken to lie outside, 0 to 1, shape (rows, columns).
-        room: shape (2, rows, columns).
-        trusted: for the result.
-        both: for the result.
-    """
-    _, rows, columns = usual.shape
-    for row in range(rows):
-        for column in range(columns):
-            square = change = 0.0
-            for layer in (GRADIENT_X, GRADIENT_Y, RIDGE):
-                value = usual[layer, row, column]
-                square += value * value
-                change += (recent[layer, row, column] - value) ** 2
-            room[0, row, column], room[1, row, column] = square, change
-    for row in range(rows):
-        for column in range(columns):
-            trust = 1.0
-            if outside[row, column] > 0 and usual[WEIGHT, row, column] > 0:
-                square, change = SQUARES_FLOOR, 0.0
-                for r in range(max(0, row - REACH_CELLS), min(rows, row + REACH_CELLS + 1)):
-                    for c in range(max(0, column - REACH_CELLS), min(columns, column + REACH_CELLS + 1)):
-                        square += room[0, r, c]
-                        change += room[1, r, c]
-                trust -= outside[row, column] * (1 - square / (square + DISTRUST * change))
-            for layer in (GRADIENT_X, GRADIENT_Y, RIDGE):
-                trusted[layer, row, column] = trust * usual[layer, row, column]
-                mean = 0.5 * (usual[layer, row, column] + recent[layer, row, column])
-                both[layer, row, column] = trust * mean

@@ -42,6 +42,8 @@ JUMP_MIN_PX, JUMP_RATE, JUMPS, JUMP_SPEEDS = 0.5, 0.08, 4.0, 2.0
 renew by JUMP_RATE; JUMP_MIN_PX at least) is of something else, unless motion by so many times the speed explains it."""
 CONFIDENCE_STEADY = 0.9
 """From where on a look says how the target usually moves; below, one that strays from that is doubted."""
+COVERED_AFTER_S = 0.5
+"""A target that was followed surely for so long is known well enough to tell what covers it from how it changes."""
 STEADYING_S = 0.1
 """A target that is drawn along gets its usual motion back in this time."""
 FAILING_S, LEAVING_S = 0.3, 0.12
@@ -234,7 +236,8 @@ class ContourTarget:
             self._usual_jump_px += JUMP_RATE * (min(jump_px, JUMP_MIN_PX) - self._usual_jump_px)
             self._settling = max(0, self._settling - 1)
         if not self._settling and (doubt == 0 or (trust > TRUST_MIN and jump_px < CHANGING_PX)):
-            contours.adapt(self._surface, elapsed_s, trust)
+            sees_covers = self._steady.seen_s >= COVERED_AFTER_S
+            contours.adapt(self._surface, elapsed_s, trust, sees_covers=sees_covers)
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
 
@@ -332,6 +335,7 @@ class ContourTarget:
         is_off = not self._surface.holds(*contours.pose[:2])
         self._state = TargetState.LOST if is_off else TargetState.RECOVERING
         contours.is_changing = False
+        contours.uncover()
         if since_ns is None:
             self._doubt(0.0)
         contours.stamp_ns = self._before.stamp_ns

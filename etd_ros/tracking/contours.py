@@ -10,8 +10,9 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.parameters import Parameters, parameter
+from etd_ros.tracking.cell_trust import CellTrust
 from etd_ros.tracking.cell_weights import OUTSIDE_FADES, WEIGHT_FADES, oval
-from etd_ros.tracking.contour_drawing import learn, normalise, splat, trust_what_stays
+from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
     MAPS,
     SUMS,
@@ -60,8 +61,9 @@ VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
 BIAS_PX = 4.0
 """The direction so far counts like this much motion when the polarity of a place is predicted."""
-RECENT_RATE = 0.1
-"""Share of what the target looks like lately that a look renews."""
+RECENT_RATE, LATEST_TIMES = 0.1, 3.0
+"""Share of what the target looks like lately that a look renews; of what its last few looks are, so many times as
+much."""
 NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
@@ -139,10 +141,9 @@ class Contours:
         self._usual: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
         width, height = (side / self.cell_px for side in self.size_px)
         self._usual[WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
-        self._outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
-        self._recent = self._usual.copy()
-        self._trusted = self._usual.copy()
-        self._both = self._usual.copy()
+        self._recent, self._latest = self._usual.copy(), self._usual.copy()
+        outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
+        self._trust = CellTrust(self._usual, outside)
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
@@ -192,7 +193,7 @@ class Contours:
 
     @property
     def _maps(self) -> Float32Array:
-        return self._both if self.is_changing else self._trusted
+        return self._trust.both if self.is_changing else self._trust.trusted
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -284,8 +285,9 @@ class Contours:
         self._turning.stop()
         self._growing.stop()
 
-    def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float) -> None:
-        """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1)."""
+    def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float, *, sees_covers: bool) -> None:
+        """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1); cells that
+        show what covers the target count less from now on, if `sees_covers`."""
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
@@ -296,7 +298,7 @@ class Contours:
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        self._learn(rate, max(rate, trust * RECENT_RATE))
+        self._learn(rate, max(rate, trust * RECENT_RATE), sees_covers=sees_covers)
 
     def stop(self) -> None:
         """Take the target to be at rest."""
@@ -308,20 +310,26 @@ class Contours:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
-        self._learn(1.0, 1.0)
+        self._learn(1.0, 1.0, sees_covers=False)
         self._looks = looks_known
 
-    def _learn(self, usual_rate: float, recent_rate: float) -> None:
-        """Move both memories towards what is drawn and normalised."""
+    def uncover(self) -> None:
+        """Trust all of the target again: where it is found, what covered it is elsewhere."""
+        self._trust.weigh(self._usual, self._recent, self._latest, sees_covers=False)
+
+    def _learn(self, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
+        """Move the memories towards what is drawn and normalised."""
         direction = self._direction_by_the_cell()
         learn(self._usual, self.drawn, direction, usual_rate)
         learn(self._recent, self.drawn, direction, recent_rate)
-        trust_what_stays(self._usual, self._recent, self._outside, self.room, self._trusted, self._both)
+        learn(self._latest, self.drawn, direction, min(1.0, LATEST_TIMES * recent_rate))
+        self._trust.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
         self._see(usual_rate)
 
     def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
         if self.config.scale_gain > 0:
-            misfit = self._misfit(points, count, SCALE, SCALE_STEP)
+            # A part of the target cannot tell whether it moves or grows.
+            misfit = (1 - self._trust.covered) * self._misfit(points, count, SCALE, SCALE_STEP)
             self._growing.learn(misfit, elapsed_s)
             self.pose[SCALE] *= math.exp(self.config.scale_gain * misfit)
             self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)

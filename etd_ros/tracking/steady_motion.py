@@ -23,6 +23,7 @@ class SteadyMotion:
 
     Attributes:
         velocity: the mean, float64, x and y (pixels/s).
+        seen_s: for how long it has been seen, without a break (s).
     """
 
     def __init__(self) -> None:
@@ -32,12 +33,12 @@ class SteadyMotion:
         """What was seen last says nothing of how the target moves now."""
         self.velocity: Float64Array = np.zeros(2)
         self._variance = 0.0
-        self._seen_s = 0.0
+        self.seen_s = 0.0
 
     def plausible(self, velocity: Float64Array) -> float:
         """How far from its mean the target's velocity could be, in parts of how far this one (pixels/s) is; at most
         1."""
-        if self._seen_s < STEADY_S:
+        if self.seen_s < STEADY_S:
             return 1.0
         could_px_s = self._could_px_s()
         return could_px_s / max(could_px_s, float(np.hypot(*(velocity - self.velocity))))
@@ -46,13 +47,13 @@ class SteadyMotion:
         """The target was seen to move at a velocity (pixels/s) for a time; none has passed where time went back."""
         if elapsed_s <= 0:
             return
-        if self._seen_s == 0:
+        if self.seen_s == 0:
             self.velocity = velocity.copy()
-        self._seen_s += elapsed_s
-        rate = min(1.0, elapsed_s / min(self._seen_s, SPAN_S))
+        self.seen_s += elapsed_s
+        rate = min(1.0, elapsed_s / min(self.seen_s, SPAN_S))
         off = velocity - self.velocity
         length, most = float(np.hypot(*off)), STRAY_SHARE * self._could_px_s()
-        if self._seen_s >= STEADY_S and length > most:
+        if self.seen_s >= STEADY_S and length > most:
             off *= most / length
         self.velocity = self.velocity + rate * off
         self._variance += rate * (float(off @ off) - self._variance)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etd_ros.tracking.contour_drawing import agreements, blur, coherence, learn, normalise, splat, trust_what_stays
+from etd_ros.tracking.contour_drawing import agreements, blur, coherence, learn, normalise, splat
 from etd_ros.tracking.contour_kernels import DENSITY, GRADIENT_X, GRADIENT_Y, MAPS, RIDGE, WEIGHT
 
 ROWS, COLUMNS = 20, 24
@@ -127,26 +127,3 @@ def test_each_event_agrees_with_those_of_other_times_that_move_like_it():
     agreements(points, 25, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy(), agreed)
     assert agreed[:12].mean() > 2 * agreed[12:24].mean()
     assert agreed[24] == 0
-
-
-def test_cells_outside_of_the_target_count_by_how_alike_they_stay():
-    rng = np.random.default_rng(4)
-    usual, recent = rng.normal(size=(2, MAPS, ROWS, COLUMNS)).astype(np.float32)
-    usual[WEIGHT] = 1
-    recent[:, :8] = usual[:, :8]
-    outside = rng.uniform(0, 1, (ROWS, COLUMNS)).astype(np.float32)
-    outside[:, 12:] = 0
-    trusted, both = usual.copy(), usual.copy()
-    trust_what_stays(usual, recent, outside, np.zeros((2, ROWS, COLUMNS), np.float32), trusted, both)
-    looked_at = [GRADIENT_X, GRADIENT_Y, RIDGE]
-    square, change = ((maps[looked_at] ** 2).sum(axis=0) for maps in (usual, recent - usual))
-    around = [
-        sum(np.pad(values, 1)[row : row + ROWS, column : column + COLUMNS] for row in range(3) for column in range(3))
-        for values in (square, change)
-    ]
-    trust = 1 - outside * (1 - around[0] / (around[0] + 3 * around[1]))
-    np.testing.assert_allclose(trusted[looked_at], trust * usual[looked_at], rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(both[looked_at], trust * (usual + recent)[looked_at] / 2, rtol=1e-4, atol=1e-5)
-    assert trust[:7].min() == 1, "what stays is trusted"
-    assert trust[:, 12:].min() == 1, "and so is what lies inside"
-    assert trust[9:, :12].min() < 0.5

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, tracked
+from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contours, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contour_target, contours, start_up
 
 
 def lag_px(scene, frames, since_s):
@@ -50,6 +50,47 @@ def test_what_lies_behind_a_target_does_not_draw_its_box_along(monkeypatch, seed
     with_trust = mean_overlap()
     monkeypatch.setattr(contours, "OUTSIDE_FADES", (9.0, 10.0))
     assert with_trust > mean_overlap() + 0.015
+
+
+def passed_by(*, speed_px_s, cover_px_s, width, at_s, duration_s):
+    """The square of `scene_of`, and something checked before it, in whose middle it is at a time."""
+    cover_x = 40 + speed_px_s * at_s
+    ways = (Waypoint(time_s, cover_x + cover_px_s * (time_s - at_s), 90) for time_s in (0, duration_s))
+    surface = checks(np.random.default_rng(0), 90, width, cell=6)
+    cover = Sprite("cover", surface, np.ones((90, width)), Path(tuple(ways)), is_target=False)
+    end = Waypoint(duration_s, 40 + speed_px_s * duration_s, 90)
+    return scene_of(Waypoint(0, 40, 90), end, duration_s=duration_s, cover=(cover,))
+
+
+@pytest.mark.parametrize(("cover_px_s", "at_s"), [(20, 2.3), (30, 2.4)])
+def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(monkeypatch, cover_px_s, at_s):
+    scene = passed_by(speed_px_s=60, cover_px_s=cover_px_s, width=30, at_s=at_s, duration_s=2.4)
+    frames = frames_of(scene)
+
+    def at_the_end():
+        _, report, truth = tracked(scene, frames=frames)[-1]
+        return overlap(report, truth), report.box.w / truth.w
+
+    seen, share = at_the_end()
+    assert seen > 0.75
+    assert share > 0.85
+    monkeypatch.setattr(contour_target, "COVERED_AFTER_S", 99.0)
+    unseen, share = at_the_end()
+    assert unseen < 0.5
+    assert share < 0.75
+
+
+def test_what_was_covered_is_looked_for_by_all_of_it(monkeypatch):
+    scene = passed_by(speed_px_s=80, cover_px_s=0, width=50, at_s=1.0, duration_s=1.9)
+    frames = frames_of(scene)
+
+    def found_again():
+        _, report, truth = tracked(scene, frames=frames)[-1]
+        return overlap(report, truth) > 0.9
+
+    assert found_again()
+    monkeypatch.setattr(contours.Contours, "uncover", lambda self: None)
+    assert not found_again()
 
 
 def test_a_start_where_nothing_moves_and_no_pixel_fires_comes_to_an_end():
