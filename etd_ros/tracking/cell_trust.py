@@ -1,4 +1,5 @@
-"""How far the cells of a target's model are trusted: some show what lies behind it, or what covers it."""
+"""How far the cells of a target's model are trusted: some show what lies behind it, or what covers it. Kernels that
+call each other share this file, or numba would miss changes."""
 
 from __future__ import annotations
 
@@ -18,18 +19,18 @@ ONE_SIDED = (0.021, 0.0625)
 height: from the first on something may cover the target, from the second on it does. What turns or grows changes all
 round."""
 LEAST_STAYING = 0.7
-"""Cells that stay less than this share of the mean show what covers the target."""
-SQUARES, SUMS, CHANGES, SCRATCH = range(4)
-"""Layers of the room to work in."""
+"""Cells that stay less than this share of the mean show what covers the target; from the mean on, the target."""
 LAYERS = 4
+SQUARES, SUMS, CHANGES, SCRATCH = range(LAYERS)
+"""Layers of the room to work in."""
 
 
 class CellTrust:
     """What looks are compared with: maps whose cells count by how far they can be trusted.
 
     Attributes:
-        trusted: the usual maps, float32, shape (MAPS, rows, columns).
-        both: the mean of the usual and the recent ones.
+        trusted: the usual maps by trust, float32, shape (MAPS, rows, columns); where events are (DENSITY) stays 0.
+        both: the mean of the usual and the recent ones, likewise.
         covered: how surely something covers the target, 0 to 1.
     """
 
@@ -42,7 +43,7 @@ class CellTrust:
         self._trust = np.ones_like(outside)
 
     def weigh(self, usual: Float32Array, recent: Float32Array, latest: Float32Array, *, sees_covers: bool) -> None:
-        """Make both maps anew; the arguments are those of `weigh_cells`."""
+        """Make both maps anew, and `covered`; the arguments are those of `weigh_cells`."""
         self.covered = weigh_cells(usual, recent, latest, self._outside, sees_covers, self._room, self._trust)
         apply_trust(usual, recent, self._trust, self.trusted, self.both)
 
@@ -82,8 +83,8 @@ def _compare(usual: Float32Array, lately: Float32Array, reach: int, room: Float3
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _stays(room: Float32Array, row: int, column: int) -> float:
-    """How alike a cell stays, 0 to 1: u / (u + 3 c), u being the squares of the usual maps round it, c those of the
-    changes."""
+    """How alike a cell stays, 0 to 1: u / (u + DISTRUST c), u being the squares of the usual maps round it, c
+    those of the changes."""
     square = room[SUMS, row, column] + SQUARES_FLOOR
     return float(square / (square + DISTRUST * room[CHANGES, row, column]))
 
@@ -97,7 +98,7 @@ def weigh_cells(usual: Float32Array, recent: Float32Array, latest: Float32Array,
     than usual: there a cell counts by how alike it stays.
 
     What covers the target comes over one side of it: then the middle of what stays lies beside the middle of all that
-    is known, and cells inside that stay less than most of them do not count.
+    is known, and the more surely that is so, the less cells inside count that stay less than the mean of all.
 
     Args:
         usual: maps, shape (MAPS, rows, columns).

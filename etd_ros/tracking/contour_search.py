@@ -22,13 +22,14 @@ FOUND_LOOKS = 2
 HERE_PX = 6.0
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
-STEP_PX = 3.0
+STEP_PX = 2.0
+"""Distance of the places in the first, wide look: what is finely textured agrees with itself within some two pixels."""
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
 GROWTH_SHARE = 0.5
 """The region grows by at least so much of the target's usual speed: it may have turned."""
 SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
-"""How often contours are searched, and how soon again once they may be found: a search takes as long as ten looks, and
-many targets may be lost at once."""
+"""How often contours are searched, and how soon again once they may be found: a search of the largest region takes as
+long as several frames, and many targets may be lost at once."""
 CANDIDATE_NS = 80_000_000
 """What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01

@@ -150,6 +150,7 @@ class ContourTarget:
             return
         self._contours.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
+        self._contours.uncover()
         self._searched_at_ns = self._remembered_at_ns = stamp_ns
         self._sure = None
         self._steady.forget()

@@ -143,7 +143,7 @@ class Contours:
         self._usual[WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
         self._recent, self._latest = self._usual.copy(), self._usual.copy()
         outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
-        self._trust = CellTrust(self._usual, outside)
+        self._cells = CellTrust(self._usual, outside)
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
@@ -193,7 +193,7 @@ class Contours:
 
     @property
     def _maps(self) -> Float32Array:
-        return self._trust.both if self.is_changing else self._trust.trusted
+        return self._cells.both if self.is_changing else self._cells.trusted
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -315,7 +315,7 @@ class Contours:
 
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
-        self._trust.weigh(self._usual, self._recent, self._latest, sees_covers=False)
+        self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=False)
 
     def _learn(self, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
         """Move the memories towards what is drawn and normalised."""
@@ -323,13 +323,15 @@ class Contours:
         learn(self._usual, self.drawn, direction, usual_rate)
         learn(self._recent, self.drawn, direction, recent_rate)
         learn(self._latest, self.drawn, direction, min(1.0, LATEST_TIMES * recent_rate))
-        self._trust.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
+        self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
         self._see(usual_rate)
 
     def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
+        # The last look may have been one at the other maps.
+        measure_norms(self._maps, self._norms)
         if self.config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            misfit = (1 - self._trust.covered) * self._misfit(points, count, SCALE, SCALE_STEP)
+            misfit = (1 - self._cells.covered) * self._misfit(points, count, SCALE, SCALE_STEP)
             self._growing.learn(misfit, elapsed_s)
             self.pose[SCALE] *= math.exp(self.config.scale_gain * misfit)
             self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)

@@ -23,7 +23,7 @@ class SteadyMotion:
 
     Attributes:
         velocity: the mean, float64, x and y (pixels/s).
-        seen_s: for how long it has been seen, without a break (s).
+        seen_s: for how long it has been seen surely since that was forgotten (s).
     """
 
     def __init__(self) -> None:

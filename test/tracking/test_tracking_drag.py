@@ -1,4 +1,4 @@
-"""Boxes of `etd-plus` neither lag behind their targets nor are drawn along by what lies behind them."""
+"""Boxes of `etd-plus` neither lag behind their targets nor are drawn along by what lies behind or covers them."""
 
 import numpy as np
 import pytest
