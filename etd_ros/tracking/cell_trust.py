@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from etd_ros.tracking.contour_kernels import GRADIENT_X, GRADIENT_Y, RIDGE, Float32Array
+from etd_ros.tracking.contour_kernels import GRADIENT_X, GRADIENT_Y, RIDGE, Float32Array, measure_norms
 
 REACH_OUTSIDE, REACH_INSIDE = 1, 2
 """Whether a cell stays the same is judged with so many cells round it: single ones are noisy."""
@@ -31,21 +31,25 @@ class CellTrust:
     Attributes:
         trusted: the usual maps by trust, float32, shape (MAPS, rows, columns); where events are (DENSITY) stays 0.
         both: the mean of the usual and the recent ones, likewise.
+        trusted_norms, both_norms: what `measure_norms` says of them, float64, shape (5, 5).
         covered: how surely something covers the target, 0 to 1.
     """
 
     def __init__(self, usual: Float32Array, outside: Float32Array) -> None:
         self.trusted = usual.copy()
         self.both = usual.copy()
+        self.trusted_norms, self.both_norms = np.zeros((2, 5, 5))
         self.covered = 0.0
         self._outside = outside
         self._room = np.zeros((LAYERS, *outside.shape), np.float32)
         self._trust = np.ones_like(outside)
 
     def weigh(self, usual: Float32Array, recent: Float32Array, latest: Float32Array, *, sees_covers: bool) -> None:
-        """Make both maps anew, and `covered`; the arguments are those of `weigh_cells`."""
+        """Make both maps anew, their norms, and `covered`; the arguments are those of `weigh_cells`."""
         self.covered = weigh_cells(usual, recent, latest, self._outside, sees_covers, self._room, self._trust)
         apply_trust(usual, recent, self._trust, self.trusted, self.both)
+        measure_norms(self.trusted, self.trusted_norms)
+        measure_norms(self.both, self.both_norms)
 
 
 @njit(cache=True, nogil=True, fastmath=True)

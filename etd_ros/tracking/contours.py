@@ -20,7 +20,6 @@ from etd_ros.tracking.contour_kernels import (
     Float32Array,
     Float64Array,
     arm_cells,
-    measure_norms,
     parabola,
     score_at,
     search,
@@ -150,7 +149,6 @@ class Contours:
         self.direction = np.zeros(4)
         self._seen = np.zeros((2, 2))
         self._arm_cells = arm_cells(rows, columns)
-        self._norms = np.zeros((5, 5))
         self._looks = 0
         self._events_per_px: float | None = None
         self._events_waiting = 0
@@ -194,6 +192,10 @@ class Contours:
     @property
     def _maps(self) -> Float32Array:
         return self._cells.both if self.is_changing else self._cells.trusted
+
+    @property
+    def _norms(self) -> Float64Array:
+        return self._cells.both_norms if self.is_changing else self._cells.trusted_norms
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -246,7 +248,6 @@ class Contours:
         margin = sums.shape[0] // 2 * step_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
-        measure_norms(self._maps, self._norms)
         pose = np.array([x, y, *self._changed(self._since_s(surface.stamp_ns))])
         pose[0], pose[1] = search(
             points, count, self._maps, self._norms, pose, self.cell_px, self.motion, BIAS_PX * self.direction,
@@ -327,8 +328,6 @@ class Contours:
         self._see(usual_rate)
 
     def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
-        # The last look may have been one at the other maps.
-        measure_norms(self._maps, self._norms)
         if self.config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
             misfit = (1 - self._cells.covered) * self._misfit(points, count, SCALE, SCALE_STEP)
