@@ -9,11 +9,17 @@ import numpy as np
 
 from etd_ros.tracking.contour_kernels import SUMS, Float64Array
 from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours, Look
+from etd_ros.tracking.expected_place import (
+    AGREEING_LOOKS,
+    AGREEING_NS,
+    CONFIRM_NS,
+    SEARCH_NS,
+    ExpectedPlace,
+    confidence_if_turned,
+)
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.usual_looks import UsualLooks
+from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
-EVENTS_MIN = 15.0
-"""Fewer events under the model say nothing about the target."""
 CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
 """From where on a place is looked at again, and is the target's; the last near the middle of where it is looked
 for, and where it comes back over the sensor's border."""
@@ -27,14 +33,14 @@ STEP_PX = 2.0
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
 GROWTH_SHARE = 0.5
 """The region grows by at least so much of the target's usual speed: it may have turned."""
-SEARCH_NS, CONFIRM_NS = 15_000_000, 6_000_000
-"""How often contours are searched, and how soon again once they may be found: a search of the largest region takes as
-long as several frames, and many targets may be lost at once."""
 CANDIDATE_NS = 80_000_000
 """What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01
 """The velocity of a candidate is that over its last looks, and after this time as sure as the one expected."""
 NEAR_PX = 3.0
+BETTER, ELSEWHERE_PX = 1.05, 4.0
+"""A candidate that is not sure gives way to a look that is so many times as sure, this far away: of what is like itself
+a part may agree with another part."""
 BORDER_PX, BORDER_S = 2.0, 0.03
 """What comes back over the border is this near to it when it is seen first, or this time away."""
 
@@ -52,16 +58,22 @@ class Standing:
         """Where it stands now."""
         return cls(contours.stamp_ns, contours.pose.copy(), contours.velocity.copy())
 
+    def predicted(self, stamp_ns: int) -> Float64Array:
+        """Where its centre is at a time (ns), if the motion goes on: float64, x and y (pixels)."""
+        return np.asarray(self.pose[:2] + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9)
+
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """A look that may be of the target: its time (ns), place (pixels), the velocity there, and how sure it is."""
+    """A look that may be of the target: its time (ns), place (pixels), the velocity there, how sure it is, and how sure
+    if the target has turned."""
 
     stamp_ns: int
     x: float
     y: float
     velocity: Float64Array
     confidence: float
+    confidence_if_turned: float
 
     def predicted(self, stamp_ns: int) -> Float64Array:
         return np.array([self.x, self.y]) + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9
@@ -77,6 +89,15 @@ class _Place:
     velocity: Float64Array
     unseen_s: float
     is_expected: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _WideLook:
+    """The best look round a place; whether it is near its middle."""
+
+    look: Look
+    place: _Place
+    is_here: bool
 
 
 class ContourSearch:
@@ -115,12 +136,13 @@ class ContourSearch:
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
         self._has_left = has_left
-        self._begun_ns = self._searched_ns = stamp_ns
+        self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
         self._place: _Place
         self._glimpse: _Seen | None = None
         self._wanted = CONFIDENCE_FOUND
         self._path: list[_Seen] = []
+        self._expected = ExpectedPlace(contours, surface, usual)
         self.is_unsettled = False
 
     @property
@@ -136,7 +158,7 @@ class ContourSearch:
         """Move the pose on with the last velocity, for a while and not beyond the sensor."""
         contours, surface = self._contours, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
-        x, y = self._before.pose[:2] + self._before.velocity * (until_ns - self._before.stamp_ns) * 1e-9
+        x, y = self._before.predicted(until_ns)
         contours.pose[:2] = np.clip(x, 0, surface.width - 1), np.clip(y, 0, surface.height - 1)
         contours.velocity[:] = self._before.velocity
         contours.stamp_ns = surface.stamp_ns
@@ -153,25 +175,43 @@ class ContourSearch:
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
         stamp_ns = self._surface.stamp_ns
+        if not self._has_left and self.since_s <= COAST_S:
+            look = self._expected.found()
+            if look is not None:
+                self._contours.pose[:2] = look.x, look.y
+                self.is_unsettled = False
+                return True
         if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else SEARCH_NS):
             return False
         self._searched_ns = stamp_ns
-        look = self._look_again() if self._path else self._look_round()
-        confidence = self._usual.confidence_of_lost(look)
-        if confidence < CONFIDENCE_CANDIDATE or not self._is_possible(look):
+        look = self._look_again() if self._path else self._begin(self._look_round())
+        confidence = confidence_turned = self._usual.confidence_of_lost(look)
+        if not self._has_left:
+            # At the border, where a camera brings anything in, a known part of the target is not enough.
+            confidence_turned = confidence_if_turned(self._contours, self._usual, look)
+        if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look):
             if len(self._path) >= FOUND_LOOKS and not self._has_left:
                 self._glimpse = self._path[-1]
             self._look_elsewhere()
             return False
-        self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence))
-        last = [seen.confidence for seen in self._path[-FOUND_LOOKS:]]
-        if len(last) < FOUND_LOOKS or min(last) < self._wanted:
+        self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence, confidence_turned))
+        if not self._is_sure():
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
                 self._look_elsewhere()
             return False
         self._contours.pose[:2] = look.x, look.y
         self._contours.velocity[:] = self._path[-1].velocity
         return True
+
+    def _is_sure(self) -> bool:
+        """Whether the last looks at a candidate are, or those of a longer time if it has turned."""
+        last = self._path[-FOUND_LOOKS:]
+        if len(last) == FOUND_LOOKS and all(seen.confidence >= self._wanted for seen in last):
+            return True
+        since_ns = self._path[-1].stamp_ns - AGREEING_NS
+        agreeing = [seen for seen in self._path if seen.stamp_ns >= since_ns]
+        is_long = len(agreeing) >= AGREEING_LOOKS and self._path[0].stamp_ns <= since_ns
+        return is_long and all(seen.confidence_if_turned >= CONFIDENCE_FOUND for seen in agreeing)
 
     def _look_elsewhere(self) -> None:
         """Give the candidate up; the next place has its turn."""
@@ -200,28 +240,45 @@ class ContourSearch:
         growth_px_s = max(GROWTH_PX_S, GROWTH_SHARE * self._usual_speed_px_s)
         return min(RADIUS_PX + growth_px_s * place.unseen_s, RADIUS_MAX_PX)
 
-    def _look_round(self) -> Look:
+    def _look_round(self) -> _WideLook:
         """The best place in a region that grows."""
         contours, places = self._contours, self._places()
-        place = self._place = places[self._turn % len(places)]
-        x, y = place.x, place.y
+        self._looked_round_ns = self._surface.stamp_ns
+        place = places[self._turn % len(places)]
         side = 2 * int(self._radius_px(place) / STEP_PX) + 1
-        coarse = contours.look_at(self._surface, x, y, np.zeros((side, side, SUMS)), STEP_PX)
+        coarse = contours.look_at(self._surface, place.x, place.y, np.zeros((side, side, SUMS)), STEP_PX)
         look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, SUMS)), 1.0)
-        is_here = float(np.hypot(look.x - x, look.y - y)) < HERE_PX
-        self._wanted = CONFIDENCE_FOUND_HERE if is_here or self._has_left else CONFIDENCE_FOUND
-        self.is_unsettled = not (place.is_expected and is_here)
-        return look
+        return _WideLook(look, place, float(np.hypot(look.x - place.x, look.y - place.y)) < HERE_PX)
+
+    def _begin(self, wide: _WideLook) -> Look:
+        """Take what was seen for the candidate."""
+        self._path = []
+        self._place = wide.place
+        self._wanted = CONFIDENCE_FOUND_HERE if wide.is_here or self._has_left else CONFIDENCE_FOUND
+        self.is_unsettled = not (wide.place.is_expected and wide.is_here)
+        return wide.look
 
     def _look_again(self) -> Look:
-        """The best place near where the candidate's motion would have brought it."""
+        """The best place near where the candidate's motion would have brought it; or elsewhere, if that is better."""
         last, stamp_ns = self._path[-1], self._surface.stamp_ns
         self._contours.velocity[:] = last.velocity
         x, y = last.predicted(stamp_ns).tolist()
         sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
         radius = int(NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9)
         radius = min(radius, int(RADIUS_MAX_PX))
-        return self._contours.look_at(self._surface, x, y, np.zeros((2 * radius + 1, 2 * radius + 1, SUMS)), 1.0)
+        look = self._contours.look_at(self._surface, x, y, np.zeros((2 * radius + 1, 2 * radius + 1, SUMS)), 1.0)
+        confidence = self._usual.confidence_of_lost(look)
+        if confidence >= self._wanted or stamp_ns - self._looked_round_ns < SEARCH_NS:
+            return look
+        self._turn += 1
+        self._contours.velocity[:] = self._before.velocity
+        wide = self._look_round()
+        other = wide.look
+        is_better = self._usual.confidence_of_lost(other) > BETTER * confidence
+        is_elsewhere = float(np.hypot(other.x - look.x, other.y - look.y)) > ELSEWHERE_PX
+        if not (is_better and is_elsewhere and self._is_possible(other)):
+            return look
+        return self._begin(wide)
 
     def _velocity_to(self, look: Look) -> Float64Array:
         if not self._path:

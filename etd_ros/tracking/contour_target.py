@@ -16,13 +16,13 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
-from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, EVENTS_MIN, ContourSearch, Standing
+from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
 from etd_ros.tracking.contours import ContourConfig, Contours, Look
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, TargetReport, TargetState, TrackerConfig
-from etd_ros.tracking.usual_looks import UsualLooks
+from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
 SEARCH_MARGIN = 1.5
 """Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
@@ -290,6 +290,7 @@ class ContourTarget:
         if self._sure is not None:
             velocity = self._sure.velocity + (1 - np.exp(-elapsed_s / SURE_S)) * (velocity - self._sure.velocity)
         self._sure = replace(Standing.of(self._contours), velocity=velocity)
+        self._contours.keep_memories()
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
         """A target that was slowing down stands still now; one that was not may have vanished behind something, or have
@@ -329,21 +330,31 @@ class ContourTarget:
         )
         return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
+    def _is_on_sensor(self, box: Box) -> bool:
+        """Whether all of a box is."""
+        surface = self._surface
+        return min(box.x, box.y, surface.width - box.x - box.w, surface.height - box.y - box.h) >= 0
+
     def _fail(self, stamp_ns: int, since_ns: int | None = None) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
         seen since `since_ns` (ns), by default until now."""
         contours = self._contours
         is_off = not self._surface.holds(*contours.pose[:2])
-        self._state = TargetState.LOST if is_off else TargetState.RECOVERING
-        contours.is_changing = False
-        contours.uncover()
         if since_ns is None:
             self._doubt(0.0)
+            # What drew its box over the border was something else if the target's own motion does not.
+            is_off = is_off and not self._is_on_sensor(contours.box_at(*self._before.predicted(stamp_ns)))
+        self._state = TargetState.LOST if is_off else TargetState.RECOVERING
+        contours.is_changing = False
         contours.stamp_ns = self._before.stamp_ns
         contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
         self._leaving_velocity = self._before.velocity
+        has_left = is_off or self._is_leaving()
+        if self._before is self._sure and not has_left:
+            contours.restore_memories()
+        contours.uncover()
         self._searched_at_ns = stamp_ns
-        self._search_from(stamp_ns if since_ns is None else since_ns, has_left=is_off or self._is_leaving())
+        self._search_from(stamp_ns if since_ns is None else since_ns, has_left=has_left)
 
     def _search_from(self, stamp_ns: int, *, has_left: bool) -> None:
         self._search = ContourSearch(

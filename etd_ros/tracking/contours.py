@@ -137,10 +137,10 @@ class Contours:
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self.size_px = box.w, box.h
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
-        self._usual: Float32Array = np.zeros((MAPS, rows, columns), np.float32)
+        self._memories: Float32Array = np.zeros((3, MAPS, rows, columns), np.float32)
+        self._usual, self._recent, self._latest = self._memories
         width, height = (side / self.cell_px for side in self.size_px)
-        self._usual[WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
-        self._recent, self._latest = self._usual.copy(), self._usual.copy()
+        self._memories[:, WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
         outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
         self._cells = CellTrust(self._usual, outside)
         self.is_changing = False
@@ -148,6 +148,8 @@ class Contours:
         self.room = np.zeros_like(self.drawn)
         self.direction = np.zeros(4)
         self._seen = np.zeros((2, 2))
+        self._kept_memories = np.empty_like(self._memories)
+        self.keep_memories()
         self._arm_cells = arm_cells(rows, columns)
         self._looks = 0
         self._events_per_px: float | None = None
@@ -181,8 +183,15 @@ class Contours:
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
         direction = self._turned_direction()
-        moving, others = direction[:2], direction[2:]
-        return float(moving @ self._seen @ moving + others @ others)
+        others = direction[2:]
+        return float(self._known_along(direction[:2]) + others @ others)
+
+    def known_along(self, direction: tuple[float, float]) -> float:
+        """The same for a target that moves in a direction (x, y of any length) and neither turns nor grows."""
+        length = math.hypot(*direction)
+        if length == 0:
+            return self.known
+        return self._known_along(self._turned(direction[0] / length, direction[1] / length))
 
     @property
     def motion(self) -> Float64Array:
@@ -314,6 +323,16 @@ class Contours:
         self._learn(1.0, 1.0, sees_covers=False)
         self._looks = looks_known
 
+    def keep_memories(self) -> None:
+        """Keep what the target looks like now, as it is seen surely."""
+        np.copyto(self._kept_memories, self._memories)
+        self._kept_seen, self._kept_direction = self._seen.copy(), self.direction
+
+    def restore_memories(self) -> None:
+        """Go back to what was kept last: what was learnt since may be of what covered the target."""
+        np.copyto(self._memories, self._kept_memories)
+        self._seen, self.direction = self._kept_seen.copy(), self._kept_direction
+
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
         self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=False)
@@ -359,8 +378,15 @@ class Contours:
     def _turned_direction(self) -> Float64Array:
         """The direction of motion in the model's coordinates."""
         x, y, *others = self.direction
+        return np.array([*self._turned(x, y), *others])
+
+    def _turned(self, x: float, y: float) -> Float64Array:
+        """A direction in the model's coordinates."""
         cos, sin = math.cos(self.pose[ANGLE]), math.sin(self.pose[ANGLE])
-        return np.array([cos * x + sin * y, cos * y - sin * x, *others])
+        return np.array([cos * x + sin * y, cos * y - sin * x])
+
+    def _known_along(self, moving: Float64Array) -> float:
+        return float(moving @ self._seen @ moving)
 
     def _changed(self, since_s: float) -> tuple[float, float]:
         """Scale and angle after a time, if growing and turning go on."""

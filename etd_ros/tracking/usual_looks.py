@@ -7,6 +7,8 @@ import numpy as np
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contours import Look
 
+EVENTS_MIN = 15.0
+"""Fewer events under the model say nothing about the target."""
 RATE = 0.08
 CHANGE_MAX = 0.5
 """A look counts as if it were off the usual ones by this share at most: motion that was misjudged multiplies events."""

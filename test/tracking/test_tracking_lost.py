@@ -1,0 +1,68 @@
+"""Targets of `etd-plus` that were hidden are found again, in scenes of the suite's recipes with other seeds."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from etd_ros.evaluation.suite import evaluate_sequence
+from etd_ros.simulation import sequence_named
+from etd_ros.tracking import TargetState, contour_search, expected_place
+from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.contours import Contours
+
+
+def mean_overlap(name, seeds, target=0):
+    """Of the target with that number, over sequences of a recipe of the suite with seeds that are not the suite's."""
+    suites = sequence_named(name)
+    scenes = (replace(suites.with_seed(suites.seed + 100 * seed), name=f"{name}-{seed}") for seed in seeds)
+    return float(np.mean([evaluate_sequence(scene)[target].ap for scene in scenes]))
+
+
+def test_what_comes_out_where_it_is_expected_is_found_before_all_of_it_is_seen(monkeypatch):
+    seeds = 19, 24, 25
+    found = mean_overlap("blink", seeds)
+    assert found > 0.93
+    monkeypatch.setattr(expected_place, "AGREEING_LOOKS", math.inf)
+    assert mean_overlap("blink", seeds) < found - 0.1
+
+
+def test_a_part_that_agrees_with_another_part_does_not_keep_the_search_from_the_target(monkeypatch):
+    seeds = 11, 22, 25
+    found = mean_overlap("pillar", seeds)
+    assert found > 0.9
+    monkeypatch.setattr(contour_search, "BETTER", math.inf)
+    assert mean_overlap("pillar", seeds) < found - 0.05
+
+
+@pytest.mark.parametrize(("name", "seed"), [("pillar", 7), ("twins-hidden", 6)])
+def test_a_target_that_turned_while_it_was_hidden_is_found(monkeypatch, name, seed):
+    found = mean_overlap(name, (seed,))
+    assert found > 0.9
+    monkeypatch.setattr(expected_place, "KNOWN_MIN", 1.0)
+    assert mean_overlap(name, (seed,)) < found - 0.05
+
+
+@pytest.mark.parametrize(("name", "seed"), [("pillar", 4), ("twins-hidden", 14)])
+def test_what_was_learnt_of_a_cover_is_forgotten_when_the_target_is_lost(monkeypatch, name, seed):
+    found = mean_overlap(name, (seed,))
+    assert found > 0.85
+    monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
+    assert mean_overlap(name, (seed,)) < found - 0.1
+
+
+def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
+    states = []
+    fail = ContourTarget._fail
+
+    def noted(self, *args, **kwargs):
+        fail(self, *args, **kwargs)
+        states.append(self.state)
+
+    monkeypatch.setattr(ContourTarget, "_fail", noted)
+    found = mean_overlap("panel", (2,))
+    assert TargetState.LOST not in states
+    monkeypatch.setattr(ContourTarget, "_is_on_sensor", lambda self, box: False)
+    assert mean_overlap("panel", (2,)) < found - 0.1
+    assert TargetState.LOST in states
