@@ -1,7 +1,7 @@
 """One target's state machine, many targets, and the methods by name (paper Sec. 3.3, tracking stage)."""
 
 from etd_ros.tracking.clicks import Click
-from etd_ros.tracking.contours import ContourConfig
+from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.discovery import Discovery, DiscoveryConfig
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.methods import DEFAULT_METHOD, METHODS, Method, method_named

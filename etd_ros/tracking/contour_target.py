@@ -16,8 +16,9 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
+from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
-from etd_ros.tracking.contours import ContourConfig, Contours, Look
+from etd_ros.tracking.contours import Contours, Look
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.parameters import Parameters, parameter
 from etd_ros.tracking.cell_trust import CellTrust
 from etd_ros.tracking.cell_weights import OUTSIDE_FADES, WEIGHT_FADES, oval
+from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
     MAPS,
@@ -68,31 +68,6 @@ NEW_RATE = 0.05
 MOTION_MIN = 0.15
 SPEED_MIN_PX_S = 5.0
 """Slower motion has no direction that can be told from noise."""
-
-
-@dataclass(frozen=True)
-class ContourConfig(Parameters):
-    """Parameters of `etd-plus`: fitting a target's contours."""
-
-    search_radius: int = parameter(
-        4, "how far from the predicted place a target is looked for (pixels)", low=1, high=64
-    )
-    window_px: float = parameter(
-        2.0, "the events of so much motion are looked at together (pixels)", low=0.2, high=20.0
-    )
-    window_max_s: float = parameter(0.1, "longest time of events that are looked at together (s)", low=0.001, high=10.0)
-    learning_rate: float = parameter(
-        0.02, "share of the model that a look renews: higher follows changes, and drifts", low=0.0, high=1.0
-    )
-    scale_gain: float = parameter(
-        0.4, "share of a measured change of scale that is taken on; 0 keeps the size", low=0.0, high=1.0
-    )
-    angle_gain: float = parameter(
-        0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
-    )
-    ridge_weight: float = parameter(
-        0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
-    )
 
 
 @dataclass(frozen=True, slots=True)

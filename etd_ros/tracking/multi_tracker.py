@@ -13,8 +13,8 @@ import numpy as np
 from etd_ros.boxes import SIDE_MIN_PX, Box
 from etd_ros.detection import EdgeBoxes, Proposals
 from etd_ros.tracking.clicks import Click
+from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
-from etd_ros.tracking.contours import ContourConfig
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
