@@ -18,8 +18,8 @@ from etd_ros.simulation import Sequence as Simulated
 from etd_ros.tracking import DEFAULT_METHOD, method_named
 
 HEADER = (
-    f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'left s':>8}{'false':>7}"
-    f"{'recovered':>11}{'wrong':>7}"
+    f"{'sequence':<16}{'targets':>8}{'AP':>7}{'AR':>7}{'min AP':>8}{'survived':>10}{'longer':>8}{'left s':>8}"
+    f"{'false':>7}{'recovered':>11}{'wrong':>7}"
 )
 START_HEADER = (
     f"{'sequence':<30}{'targets':>8}{'0.3 s':>7}{'ever':>6}{'false/s':>9}{'parts/s':>9}{'twice':>7}"
@@ -87,17 +87,17 @@ def _row(name: str, results: Sequence[TargetResult]) -> str:
     total = {
         field.name: [getattr(result, field.name) for result in results] for field in dataclasses.fields(TargetResult)
     }
-    sums = {
-        column: sum(total[column]) for column in ("occlusions", "survived", "left", "recoveries", "wrong_recoveries")
-    }
+    columns = "occlusions", "survived", "longer", "longer_survived", "left", "recoveries", "wrong_recoveries"
+    sums = {column: sum(total[column]) for column in columns}
     survived = f"{sums['survived']}/{sums['occlusions']}" if sums["occlusions"] else "-"
+    longer = f"{sums['longer_survived']}/{sums['longer']}" if sums["longer"] else "-"
     left_s = f"{max(total['left_s']):.2f}" if sums["left"] else "-"
     left = [result.false_share for result in results if result.left]
     false_share = f"{sum(left) / len(left):.2f}" if left else "-"
     ap, ar = (sum(total[column]) / len(results) for column in ("ap", "ar"))
     return (
-        f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{left_s:>8}{false_share:>7}"
-        f"{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
+        f"{name:<16}{len(results):>8}{ap:>7.3f}{ar:>7.3f}{min(total['ap']):>8.3f}{survived:>10}{longer:>8}{left_s:>8}"
+        f"{false_share:>7}{sums['recoveries']:>11}{sums['wrong_recoveries']:>7}"
     )
 
 

@@ -37,6 +37,9 @@ NS_PER_S = 1_000_000_000
 LABEL_S = 0.01
 FIRST_LABEL_S = 0.1
 """Targets start a little after the events do."""
+OCCLUSION_MAX_S = 0.5
+"""An occlusion that is to be survived hides more than half of its target for so long at most; longer ones are counted
+apart."""
 RECOVERY_S = 0.1
 """How soon after an occlusion a target must have its box again."""
 SURVIVED_SHARE = 0.9
@@ -56,9 +59,11 @@ class TargetResult:
         ap, ar: average precision and robustness, as `score` has them, over the labels: times at 100 Hz at which at
             least half of the target can be seen; the first is what it was started from.
         labels: how many were scored.
-        occlusions: absences by occlusion after which it is seen again.
+        occlusions: absences by occlusion after which it is seen again; those of up to 0.5 s, from the last label before
+            to the first one after.
         survived: those of them after which it was found: 0.1 s after it can be half seen again it has its box, and from
             then on to its next absence at least 90 % of the labels are successes (IoU >= 0.5).
+        longer, longer_survived: the same of longer ones.
         left: times that it left the sensor.
         left_s: the longest time from its having left in full to the first report that it is not tracked (s); the whole
             absence where no report says so; 0 where it did not leave.
@@ -75,6 +80,8 @@ class TargetResult:
     labels: int
     occlusions: int
     survived: int
+    longer: int
+    longer_survived: int
     left: int
     left_s: float
     false_share: float
@@ -169,7 +176,9 @@ class Judge:
 
     def result(self, sequence: str, of_labels: Score) -> TargetResult:
         """All figures of the target, with the score of its labels."""
-        survived = [self._survives(absence) for absence in self._of(Absence.OCCLUDED) if self._after(absence)]
+        occlusions = [absence for absence in self._of(Absence.OCCLUDED) if self._after(absence)]
+        survived = [self._survives(absence) for absence in occlusions if self._hidden_s(absence) <= OCCLUSION_MAX_S]
+        longer = [self._survives(absence) for absence in occlusions if self._hidden_s(absence) > OCCLUSION_MAX_S]
         left = self._of(Absence.LEFT)
         recovered = self._recoveries()
         return TargetResult(
@@ -180,6 +189,8 @@ class Judge:
             labels=of_labels.n,
             occlusions=len(survived),
             survived=sum(survived),
+            longer=len(longer),
+            longer_survived=sum(longer),
             left=len(left),
             left_s=max((self._delay_s(absence) for absence in left), default=0.0),
             false_share=self._false_share(left),
@@ -202,6 +213,11 @@ class Judge:
             (_stamp_ns(other.start_s) for other in self._absences if other.start_s > absence.start_s), default=2**63
         )
         return [label for label in self._labels if end_ns <= label.stamp_ns < next_ns]
+
+    def _hidden_s(self, absence: AbsentTime) -> float:
+        """For how long no more than half of it can be seen."""
+        last_ns = max(label.stamp_ns for label in self._labels if label.stamp_ns < _stamp_ns(absence.start_s))
+        return (self._after(absence)[0].stamp_ns - last_ns) / NS_PER_S
 
     def _survives(self, absence: AbsentTime) -> bool:
         labels = self._after(absence)

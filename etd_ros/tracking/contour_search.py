@@ -142,7 +142,7 @@ class ContourSearch:
         self._glimpse: _Seen | None = None
         self._wanted = CONFIDENCE_FOUND
         self._path: list[_Seen] = []
-        self._expected = ExpectedPlace(contours, surface, usual)
+        self._expected = ExpectedPlace(contours, surface, usual, stamp_ns)
         self.is_unsettled = False
 
     @property
@@ -153,6 +153,7 @@ class ContourSearch:
     def wait(self) -> None:
         """Frames were missing: what has come since is too little for a look, and would end a candidate."""
         self._searched_ns = self._surface.stamp_ns
+        self._expected.wait()
 
     def coast(self) -> None:
         """Move the pose on with the last velocity, for a while and not beyond the sensor."""
@@ -175,7 +176,7 @@ class ContourSearch:
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
         stamp_ns = self._surface.stamp_ns
-        if not self._has_left and self.since_s <= COAST_S:
+        if self._is_expected_on_sensor():
             look = self._expected.found()
             if look is not None:
                 self._contours.pose[:2] = look.x, look.y
@@ -189,7 +190,7 @@ class ContourSearch:
         if not self._has_left:
             # At the border, where a camera brings anything in, a known part of the target is not enough.
             confidence_turned = confidence_if_turned(self._contours, self._usual, look)
-        if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look):
+        if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look, is_first=not self._path):
             if len(self._path) >= FOUND_LOOKS and not self._has_left:
                 self._glimpse = self._path[-1]
             self._look_elsewhere()
@@ -203,14 +204,21 @@ class ContourSearch:
         self._contours.velocity[:] = self._path[-1].velocity
         return True
 
+    def _is_expected_on_sensor(self) -> bool:
+        """Whether its motion, as long as it is believed, would have kept it there."""
+        if self._has_left or self.since_s > COAST_S:
+            return False
+        return self._surface.holds(*self._before.predicted(self._surface.stamp_ns))
+
     def _is_sure(self) -> bool:
         """Whether the last looks at a candidate are, or those of a longer time if it has turned."""
         last = self._path[-FOUND_LOOKS:]
         if len(last) == FOUND_LOOKS and all(seen.confidence >= self._wanted for seen in last):
             return True
         since_ns = self._path[-1].stamp_ns - AGREEING_NS
-        agreeing = [seen for seen in self._path if seen.stamp_ns >= since_ns]
-        is_long = len(agreeing) >= AGREEING_LOOKS and self._path[0].stamp_ns <= since_ns
+        looks = max(AGREEING_LOOKS, sum(seen.stamp_ns >= since_ns for seen in self._path))
+        agreeing = self._path[-looks:]
+        is_long = len(agreeing) == looks and self._path[0].stamp_ns <= since_ns
         return is_long and all(seen.confidence_if_turned >= CONFIDENCE_FOUND for seen in agreeing)
 
     def _look_elsewhere(self) -> None:
@@ -276,7 +284,7 @@ class ContourSearch:
         other = wide.look
         is_better = self._usual.confidence_of_lost(other) > BETTER * confidence
         is_elsewhere = float(np.hypot(other.x - look.x, other.y - look.y)) > ELSEWHERE_PX
-        if not (is_better and is_elsewhere and self._is_possible(other)):
+        if not (is_better and is_elsewhere and self._is_possible(other, is_first=True)):
             return look
         return self._begin(wide)
 
@@ -288,13 +296,11 @@ class ContourSearch:
         moved = np.array([look.x - first.x, look.y - first.y])
         return np.asarray((moved + PATH_S * self._path[-1].velocity) / (time_s + PATH_S))
 
-    def _is_possible(self, look: Look) -> bool:
+    def _is_possible(self, look: Look, *, is_first: bool) -> bool:
         """Whether it may be the target: with events, on the sensor, and first at its border if it left there."""
         surface = self._surface
         if look.events < EVENTS_MIN or not surface.holds(look.x, look.y):
             return False
-        if self._path or not self._has_left:
+        if not (is_first and self._has_left):
             return True
-        box = self._contours.box_at(look.x, look.y)
-        inside = min(box.x, box.y, surface.width - box.x - box.w, surface.height - box.y - box.h)
-        return inside <= BORDER_PX + self._usual_speed_px_s * BORDER_S
+        return surface.inside_px(self._contours.box_at(look.x, look.y)) <= BORDER_PX + self._usual_speed_px_s * BORDER_S

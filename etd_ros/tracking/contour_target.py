@@ -154,6 +154,7 @@ class ContourTarget:
         self._contours.uncover()
         self._searched_at_ns = self._remembered_at_ns = stamp_ns
         self._sure = None
+        self._failing_s = self._quiet_s = 0.0
         self._steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._before = Standing.of(self._contours)
@@ -331,11 +332,6 @@ class ContourTarget:
         )
         return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
-    def _is_on_sensor(self, box: Box) -> bool:
-        """Whether all of a box is."""
-        surface = self._surface
-        return min(box.x, box.y, surface.width - box.x - box.w, surface.height - box.y - box.h) >= 0
-
     def _fail(self, stamp_ns: int, since_ns: int | None = None) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
         seen since `since_ns` (ns), by default until now."""
@@ -343,12 +339,13 @@ class ContourTarget:
         is_off = not self._surface.holds(*contours.pose[:2])
         if since_ns is None:
             self._doubt(0.0)
-            # What drew its box over the border was something else if the target's own motion does not.
-            is_off = is_off and not self._is_on_sensor(contours.box_at(*self._before.predicted(stamp_ns)))
-        self._state = TargetState.LOST if is_off else TargetState.RECOVERING
         contours.is_changing = False
         contours.stamp_ns = self._before.stamp_ns
         contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
+        if since_ns is None and self._surface.inside_px(contours.box_at(*contours.predicted(stamp_ns))) >= 0:
+            # What drew its box over the border was something else: the target's own motion does not.
+            is_off = False
+        self._state = TargetState.LOST if is_off else TargetState.RECOVERING
         self._leaving_velocity = self._before.velocity
         has_left = is_off or self._is_leaving()
         if self._before is self._sure and not has_left:

@@ -38,13 +38,17 @@ class ExpectedPlace:
     as the target did are of nothing else.
     """
 
-    def __init__(self, contours: Contours, surface: TimeSurface, usual: UsualLooks) -> None:
+    def __init__(self, contours: Contours, surface: TimeSurface, usual: UsualLooks, stamp_ns: int) -> None:
         self._contours = contours
         self._surface = surface
         self._usual = usual
-        self._looked_ns = surface.stamp_ns
+        self._looked_ns = stamp_ns
         self._first_ns = 0
         self._offsets: list[tuple[float, float]] = []
+
+    def wait(self) -> None:
+        """Frames were missing: what has come since is too little for a look."""
+        self._looked_ns = self._surface.stamp_ns
 
     def found(self) -> Look | None:
         """The last of so many looks that agree, if there are; the contours' pose and velocity are the expected ones."""

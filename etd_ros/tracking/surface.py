@@ -57,6 +57,10 @@ class TimeSurface:
         """Whether a place (pixels) lies on the sensor."""
         return 0 <= x < self.width and 0 <= y < self.height
 
+    def inside_px(self, box: Box) -> float:
+        """How far a box is from the sensor's border, pixels; below 0 where a part of it lies beyond."""
+        return min(box.x, box.y, self.width - box.x - box.w, self.height - box.y - box.h)
+
     def window(self, box: Box, margin: float) -> Window:
         """The pixels in a box and a margin (pixels) round it, as far as they lie on the sensor."""
         left, top = (int(max(0.0, np.floor(edge - margin))) for edge in (box.x, box.y))

@@ -11,7 +11,7 @@ import pytest
 from etd_ros.boxes import Box
 from etd_ros.cli import main
 from etd_ros.commands import evaluate_simulated as command
-from etd_ros.evaluation import TimedBox, TrackRow
+from etd_ros.evaluation import TimedBox, TrackRow, suite
 from etd_ros.evaluation.scoring import Score
 from etd_ros.evaluation.suite import COLUMNS, START_NS, Judge, TargetResult, evaluate, write_results
 from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, absent_times, true_boxes
@@ -75,6 +75,15 @@ def test_a_track_that_recovers_in_time_survives_and_one_that_is_late_does_not(sc
     in_time, late = found_after(0.07), found_after(0.17)
     assert (in_time.survived, in_time.recoveries, in_time.wrong_recoveries) == (1, 1, 0)
     assert (late.survived, late.recoveries) == (0, 1)
+
+
+def test_an_occlusion_of_more_than_half_a_second_is_counted_apart(scene, monkeypatch):
+    result = judged(scene, lambda time_s: (TRACKING, "truth"))
+    assert (result.occlusions, result.survived, result.longer, result.longer_survived) == (1, 1, 0, 0)
+    hidden_s, seen_s, _ = spans(scene)
+    monkeypatch.setattr(suite, "OCCLUSION_MAX_S", seen_s - hidden_s)
+    result = judged(scene, lambda time_s: (TRACKING, "truth"))
+    assert (result.occlusions, result.survived, result.longer, result.longer_survived) == (0, 0, 1, 1)
 
 
 def test_a_track_that_loses_it_again_after_an_occlusion_does_not_survive(scene):
@@ -179,9 +188,11 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path, capsys):
 
 
 def test_results_are_written_whole_with_three_decimals(tmp_path):
-    result = TargetResult("here", "thing", 0.12345, 1.0, 9, 1, 0, 1, 0.25, 0.5, 2, 1)
+    result = TargetResult("here", "thing", 0.12345, 1.0, 9, 1, 0, 2, 1, 1, 0.25, 0.5, 2, 1)
     write_results(tmp_path / "results.csv", [result])
-    assert (tmp_path / "results.csv").read_text().splitlines()[1] == "here,thing,0.123,1.000,9,1,0,1,0.250,0.500,2,1"
+    assert (tmp_path / "results.csv").read_text().splitlines()[
+        1
+    ] == "here,thing,0.123,1.000,9,1,0,2,1,1,0.250,0.500,2,1"
 
 
 @pytest.mark.parametrize(
