@@ -215,7 +215,7 @@ class Judge:
         return [label for label in self._labels if end_ns <= label.stamp_ns < next_ns]
 
     def _hidden_s(self, absence: AbsentTime) -> float:
-        """For how long no more than half of it can be seen."""
+        """For how long less than half of it can be seen."""
         last_ns = max(label.stamp_ns for label in self._labels if label.stamp_ns < _stamp_ns(absence.start_s))
         return (self._after(absence)[0].stamp_ns - last_ns) / NS_PER_S
 

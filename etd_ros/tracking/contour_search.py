@@ -189,7 +189,7 @@ class ContourSearch:
         confidence = confidence_turned = self._usual.confidence_of_lost(look)
         if not self._has_left:
             # At the border, where a camera brings anything in, a known part of the target is not enough.
-            confidence_turned = confidence_if_turned(self._contours, self._usual, look)
+            confidence_turned = confidence_if_turned(confidence, self._contours, look)
         if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look, is_first=not self._path):
             if len(self._path) >= FOUND_LOOKS and not self._has_left:
                 self._glimpse = self._path[-1]

@@ -24,11 +24,10 @@ RADIUS_PX, NEXT_RADIUS_PX, DRIFT_PX = 6, 2, 2.0
 """How far from the expected place it is looked for, from the last look, and how far looks that agree may drift off."""
 
 
-def confidence_if_turned(contours: Contours, usual: UsualLooks, look: Look) -> float:
+def confidence_if_turned(confidence: float, contours: Contours, look: Look) -> float:
     """How sure a look for a lost target is if it has turned since: of another direction of motion the model may know
     few edges."""
-    known = min(1.0, max(KNOWN_MIN, contours.known_along(look.direction)))
-    return min(1.0, usual.confidence_of_lost(look) / known)
+    return confidence / min(1.0, max(KNOWN_MIN, contours.known_along(look.direction)))
 
 
 class ExpectedPlace:
@@ -72,7 +71,8 @@ class ExpectedPlace:
     def _agrees(self, look: Look, off_x: float, off_y: float) -> bool:
         if look.events < EVENTS_MIN or not self._surface.holds(look.x, look.y):
             return False
-        if confidence_if_turned(self._contours, self._usual, look) < CONFIDENCE_HERE:
+        confidence = self._usual.confidence_of_lost(look)
+        if confidence_if_turned(confidence, self._contours, look) < CONFIDENCE_HERE:
             return False
         first_x, first_y = self._offsets[0] if self._offsets else (off_x, off_y)
         return math.hypot(off_x - first_x, off_y - first_y) <= DRIFT_PX

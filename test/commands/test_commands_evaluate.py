@@ -190,9 +190,8 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path, capsys):
 def test_results_are_written_whole_with_three_decimals(tmp_path):
     result = TargetResult("here", "thing", 0.12345, 1.0, 9, 1, 0, 2, 1, 1, 0.25, 0.5, 2, 1)
     write_results(tmp_path / "results.csv", [result])
-    assert (tmp_path / "results.csv").read_text().splitlines()[
-        1
-    ] == "here,thing,0.123,1.000,9,1,0,2,1,1,0.250,0.500,2,1"
+    lines = (tmp_path / "results.csv").read_text().splitlines()
+    assert lines[1] == "here,thing,0.123,1.000,9,1,0,2,1,1,0.250,0.500,2,1"
 
 
 @pytest.mark.parametrize(
