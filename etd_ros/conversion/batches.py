@@ -28,35 +28,24 @@ def check_batch(events: Events, width: int, height: int, previous_ns: int | None
     if (events.width, events.height) != (width, height):
         msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
         raise ConversionError(msg)
-    if not len(events):
-        return
-    first_ns, last_ns = int(events.t[0]), int(events.t[-1])
-    if previous_ns is not None and first_ns < previous_ns:
-        msg = f"event time goes back from {previous_ns} to {first_ns} ns: reset the converter to start a new stream"
-        raise ConversionError(msg)
-    steps_back, is_off = _violations(events.t, events.x, events.y, events.p, width, height)
-    if steps_back:
-        msg = f"event time goes back {steps_back} times in a batch from {first_ns} ns: sort the events by time"
-        raise ConversionError(msg)
-    if not -TIME_MAX_NS < first_ns <= last_ns < TIME_MAX_NS:
-        msg = f"event times {first_ns} to {last_ns} ns are impossible: give nanoseconds since an epoch"
-        raise ConversionError(msg)
-    if is_off:
-        place = f"({int(events.x.max())}, {int(events.y.max())})"
-        msg = f"an event at {place} or a polarity of {int(events.p.max())} does not fit a {width}x{height} sensor"
-        raise ConversionError(msg)
+    earliest_ns = 1 - TIME_MAX_NS if previous_ns is None else previous_ns
+    if not _follows(events.t, events.x, events.y, events.p, width, height, earliest_ns):
+        raise ConversionError(_what_is_wrong(events, previous_ns))
 
 
 @njit(cache=True, nogil=True)
-def _violations(
+def _follows(
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
     width: int,
     height: int,
-) -> tuple[int, bool]:
-    """How often time goes back, and whether a coordinate or polarity is off the sensor."""
+    earliest_ns: int,
+) -> bool:
+    """Whether time never goes back nor leaves what is possible, and all coordinates and polarities fit the sensor."""
+    if len(t) == 0:
+        return True
     # One loop an array, by index, without early exit, in 32 bits: the compiler vectorises these and nothing else.
     room = np.int32(0)
     x_max, y_max, p_max = np.int32(width - 1), np.int32(height - 1), np.int32(1)
@@ -69,4 +58,18 @@ def _violations(
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
-    return steps_back, bool(room < 0)
+    return bool(room >= 0 and steps_back == 0 and earliest_ns <= t[0] and t[-1] < TIME_MAX_NS)
+
+
+def _what_is_wrong(events: Events, previous_ns: int | None) -> str:
+    first_ns, last_ns = int(events.t[0]), int(events.t[-1])
+    if previous_ns is not None and first_ns < previous_ns:
+        return f"event time goes back from {previous_ns} to {first_ns} ns: reset the converter to start a new stream"
+    steps_back = np.count_nonzero(events.t[1:] < events.t[:-1])
+    if steps_back:
+        return f"event time goes back {steps_back} times in a batch from {first_ns} ns: sort the events by time"
+    if not -TIME_MAX_NS < first_ns <= last_ns < TIME_MAX_NS:
+        return f"event times {first_ns} to {last_ns} ns are impossible: give nanoseconds since an epoch"
+    place = f"({int(events.x.max())}, {int(events.y.max())})"
+    size = f"{events.width}x{events.height}"
+    return f"an event at {place} or a polarity of {int(events.p.max())} does not fit a {size} sensor"

@@ -17,12 +17,12 @@ import hashlib
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.boxes import Box
 from etd_ros.conversion.nzge import GREY_LEVELS, FloatArray, check_grid, count_log_counts
 
@@ -33,7 +33,16 @@ DURATION_MAX_NS = 2_000_000_000
 """Longest frame: times since its start are kept in 32 bits."""
 
 BLOCK_EVENTS = 512
-"""Events that are added at a time: few enough for their slots to stay in the processor's nearest memory."""
+"""Events that are added at a time: few enough for what is noted of them to stay in the processor's nearest memory."""
+
+GROUP_TILES = 64
+"""Tiles that are looked at for events at a time."""
+
+LANES = 16
+"""Events whose gains the processor looks up at once: as many as the tables have entries."""
+
+LOW_BITS = 20
+"""Gains have up to 41 bits and are summed in two parts: those of a block of events fit 32 bits each."""
 
 PARTIAL = 2**31
 """More bytes than a frame has."""
@@ -42,10 +51,9 @@ SAMPLE_STEP = 8
 """One cell in so many is in the sample."""
 
 
-def _source_digest() -> str:
-    sources = (Path(__file__).with_name(name) for name in ("bits.py", "cell_map.py", "tiles.py"))
-    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]
-
+CellStore: TypeAlias = "npt.NDArray[np.int64]"
+"""What a cell map lies in, its sizes first: to hand a kernel one plain array takes a tenth of the time of all the map's
+arrays, or of a named tuple of two."""
 
 SIZES_DTYPE = np.dtype(
     [
@@ -56,26 +64,21 @@ SIZES_DTYPE = np.dtype(
         ("tile_shift", "<i8"),
         ("columns", "<i8"),
         ("is_plain", "<i8"),
-        ("sampled", "<i8"),
         ("sample_scale", "<f8"),
         ("entropy_one", "<f8"),
-        (f"made_by_{_source_digest()}", "<i8"),
+        ("entropy_full", "<i8"),
     ]
 )
-"""h, w, C, m and the numbers of `CellMap`, whose `sample` has `sampled` tiles. The last field is empty; by its name
-kernels that were compiled with other sources of the map and its tiles are for another type, and not used."""
+"""h, w, C, m and the numbers of `CellMap`."""
+
+SIZES_ITEMS = SIZES_DTYPE.itemsize // 8
 
 
-class CellStore(NamedTuple):
-    """What a cell map lies in. Kernels take this: to hand one all of the map's arrays takes 2 us.
-
-    Attributes:
-        sizes: SIZES_DTYPE, shape (1,).
-        memory: int64.
-    """
-
-    sizes: npt.NDArray[np.void]
-    memory: npt.NDArray[np.int64]
+def source_digest() -> str:
+    """Changes with what kernels of other modules are compiled of: named in their state's type, it keeps those out that
+    were compiled with other sources of the map and its tiles."""
+    sources = (Path(__file__).with_name(name) for name in ("bits.py", "cell_map.py", "tiles.py"))
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]
 
 
 class CellMap(NamedTuple):
@@ -85,21 +88,23 @@ class CellMap(NamedTuple):
         row_slot, column_slot: uint32, (h,) and (w,): a pixel's On slot is row_slot[y] + column_slot[x], its Off slot 16
             further on.
         last: int32, (32 T,): time of the last event since the frame's start (ns), where the slot's bit is set.
-        words: uint32, (T,): the bits.
+        words: uint32, (T,): the bits. Behind the last tile's follow empty ones up to a whole group.
         tile_byte, slot_byte: uint32, (T,) and (32,): a slot's byte in the frame's data is the sum of the two. PARTIAL
             is added to the first where a tile does not have all of its 4 x 4 pixels.
         tile_shift: T = C 2^tile_shift.
         is_counted: uint32, (C,): whether the entropy is measured in a cell.
         is_plain: whether it is in all of them, and each has one tile: then `counts` is not used, as the words tell.
         counts: uint32, (2 C,): pixels with events of a cell's On and Off channel.
-        sample, sample_scale: uint32: the tiles of about one cell in eight that counts, and how many it stands for.
-        entropy: int64, (m + 2,): entropy of a channel of which c pixels have events of distinct levels, in units of
-            1 / entropy_one: sums of integers do not depend on how they were added up.
+        sample, sample_scale: uint64, a bit per tile: those of about one cell in eight that counts, and how many it
+            stands for.
+        gains: int64, (m + 1,): what the entropy of a channel gains by the next pixel with an event where c have one, of
+            distinct levels, in units of 1 / entropy_one: sums of integers do not depend on how they were added up.
+        gains_high, gains_low: uint32, (16,): the same in two parts, high 2^LOW_BITS + low; for cells of one tile.
+        entropy_full: the entropy of a channel of which all pixels have events, of distinct levels, in the same units.
         loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
         columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
-        touched_tiles: uint32, (T + 1,): the tiles with events in the order in which they got the first one.
-        slots: uint32, (512,): scratch for a block of events.
-        seen: uint32, (512,), levels: uint8, (32,), marks: uint32, a bit per tile: scratch of the readout.
+        slots, befores: uint32, (512,): scratch for a block of events: their slots, and the word that each one found.
+        seen: uint32, (512,), levels: uint8, (32,): scratch of the readout.
     """
 
     row_slot: npt.NDArray[np.uint32]
@@ -112,52 +117,64 @@ class CellMap(NamedTuple):
     is_counted: npt.NDArray[np.uint32]
     is_plain: bool
     counts: npt.NDArray[np.uint32]
-    sample: npt.NDArray[np.uint32]
+    sample: npt.NDArray[np.uint64]
     sample_scale: float
-    entropy: npt.NDArray[np.int64]
+    gains: npt.NDArray[np.int64]
+    gains_high: npt.NDArray[np.uint32]
+    gains_low: npt.NDArray[np.uint32]
     entropy_one: float
+    entropy_full: int
     loss: FloatArray
     columns: int
-    touched_tiles: npt.NDArray[np.uint32]
     slots: npt.NDArray[np.uint32]
+    befores: npt.NDArray[np.uint32]
     seen: npt.NDArray[np.uint32]
     levels: npt.NDArray[np.uint8]
-    marks: npt.NDArray[np.uint32]
 
 
-@njit(cache=True, nogil=True)
 def cells_in(store: CellStore) -> CellMap:
     """The map that lies in a store."""
-    sizes = store.sizes[0]
-    cells, counts_max = sizes.cells, sizes.cell_pixels + 1
-    tiles = cells << sizes.tile_shift
-    entropy, wide = store.memory[: counts_max + 1], store.memory[counts_max + 1 :]
-    loss, rest = wide[:counts_max].view(np.float64), wide[counts_max:].view(np.uint32)
-    row_slot, rest = rest[: sizes.height], rest[sizes.height :]
-    column_slot, rest = rest[: sizes.width], rest[sizes.width :]
+    sizes = store[:SIZES_ITEMS].view(SIZES_DTYPE)[0]
+    cells, counts_max = sizes["cells"], sizes["cell_pixels"] + 1
+    tiles = cells << sizes["tile_shift"]
+    groups = -(-tiles // GROUP_TILES)
+    gains, wide = store[SIZES_ITEMS : SIZES_ITEMS + counts_max], store[SIZES_ITEMS + counts_max :]
+    loss, wide = wide[:counts_max].view(np.float64), wide[counts_max:]
+    sample, rest = wide[:groups].view(np.uint64), wide[groups:].view(np.uint32)
+    gains_high, rest = rest[:LANES], rest[LANES:]
+    gains_low, rest = rest[:LANES], rest[LANES:]
+    row_slot, rest = rest[: sizes["height"]], rest[sizes["height"] :]
+    column_slot, rest = rest[: sizes["width"]], rest[sizes["width"] :]
     last, rest = rest[: TILE_SLOTS * tiles].view(np.int32), rest[TILE_SLOTS * tiles :]
-    words, rest = rest[:tiles], rest[tiles:]
+    words, rest = rest[:tiles], rest[GROUP_TILES * groups :]
     tile_byte, rest = rest[:tiles], rest[tiles:]
     slot_byte, rest = rest[:TILE_SLOTS], rest[TILE_SLOTS:]
     is_counted, rest = rest[:cells], rest[cells:]
     counts, rest = rest[: 2 * cells], rest[2 * cells :]
-    # The sample changes with the cells that count: there is room for all tiles.
-    sample, rest = rest[: sizes.sampled], rest[tiles:]
-    touched_tiles, rest = rest[: tiles + 1], rest[tiles + 1 :]
     slots, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
+    befores, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
     seen, rest = rest[: 2 * GREY_LEVELS], rest[2 * GREY_LEVELS :]
-    levels, rest = rest[: TILE_SLOTS // 4].view(np.uint8), rest[TILE_SLOTS // 4 :]
+    levels = rest[: TILE_SLOTS // 4].view(np.uint8)
     return CellMap(
-        row_slot, column_slot, last, words, tile_byte, slot_byte, sizes.tile_shift, is_counted, sizes.is_plain != 0,
-        counts, sample, sizes.sample_scale, entropy, sizes.entropy_one, loss, sizes.columns, touched_tiles, slots, seen,
-        levels, rest[: tiles // 32 + 1],
+        row_slot, column_slot, last, words, tile_byte, slot_byte, sizes["tile_shift"], is_counted,
+        sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], gains, gains_high, gains_low,
+        sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, befores, seen, levels,
     )  # fmt: skip
+
+
+borrowed_cells = borrowing_kernel(cells_in)
+"""`cells_in` for kernels."""
 
 
 def _word_count(height: int, width: int, cells: int, tiles: int) -> int:
     """How many 32-bit words `cells_in` deals out."""
-    scratch = BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4 + tiles // 32 + 1
-    return height + width + (TILE_SLOTS + 4) * tiles + 1 + TILE_SLOTS + 3 * cells + scratch
+    scratch = 2 * LANES + 2 * BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4
+    words = -(-tiles // GROUP_TILES) * GROUP_TILES
+    return height + width + (TILE_SLOTS + 1) * tiles + words + TILE_SLOTS + 3 * cells + scratch
+
+
+def _sizes_of(store: CellStore) -> npt.NDArray[np.void]:
+    return store[:SIZES_ITEMS].view(SIZES_DTYPE)
 
 
 def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> CellStore:
@@ -178,16 +195,20 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     is_partial = (top + TILE_SIDE > height) | (tile // side * TILE_SIDE + TILE_SIDE > cell_size)
     is_partial |= (left + TILE_SIDE > width) | (tile % side * TILE_SIDE + TILE_SIDE > cell_size)
     channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
-    entropy, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
-    sizes = np.zeros(1, SIZES_DTYPE)
+    gains, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
+    words = _word_count(height, width, rows * columns, len(tile))
+    groups = -(-len(tile) // GROUP_TILES)
+    store = np.zeros(SIZES_ITEMS + len(gains) + len(loss) + groups + -(-words // 2), np.int64)
+    sizes = _sizes_of(store)
     sizes["height"], sizes["width"], sizes["cells"] = height, width, rows * columns
     sizes["cell_pixels"], sizes["tile_shift"] = cell_size * cell_size, 2 * (side.bit_length() - 1)
     sizes["columns"] = columns if cell_size == TILE_SIDE else 0
-    sizes["entropy_one"] = entropy_one
-    words = _word_count(height, width, rows * columns, len(tile))
-    store = CellStore(sizes, np.zeros(len(entropy) + len(loss) + -(-words // 2), np.int64))
+    sizes["entropy_one"], sizes["entropy_full"] = entropy_one, gains.sum()
     cells = cells_in(store)
-    cells.entropy[:], cells.loss[:] = entropy, loss
+    cells.gains[:], cells.loss[:] = gains, loss
+    # A cell of one tile has at most 16 pixels; when all have events, nothing is gained.
+    table = gains[:LANES]
+    cells.gains_high[: len(table)], cells.gains_low[: len(table)] = table >> LOW_BITS, table & (1 << LOW_BITS) - 1
     cells.row_slot[:] = tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE
     cells.column_slot[:] = tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE
     cells.tile_byte[:] = (top * width + left) * 2 + PARTIAL * is_partial
@@ -197,21 +218,26 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
 
 
 def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.NDArray[np.int64], FloatArray, float]:
-    """`CellMap.entropy`, `loss` and `entropy_one`: a level that c of m pixels share takes (c ln c) / m from ln m."""
+    """`CellMap.gains`, `loss` and `entropy_one`: a level that c of m pixels share takes (c ln c) / m from ln m.
+
+    Whole numbers as fine as the largest gain fits 41 bits, and the sum over all channels 63.
+    """
     c_log_c = count_log_counts(cell_size) / (cell_size * cell_size) / math.log(log_base)
-    # The pixels without events share level 0. As fine as the sum over all channels fits 63 bits.
+    # The pixels without events share level 0.
     entropy = c_log_c[-1] - c_log_c[::-1]
-    entropy_one = 2.0 ** min(40, math.floor(62 - math.log2(2 * cells * entropy[-1])))
-    whole = np.rint(entropy * entropy_one).astype(np.int64)
-    return np.append(whole, whole[-1]), np.append(np.diff(c_log_c), 0.0), entropy_one
+    entropy_one = 2.0 ** math.floor(min(40 - math.log2(entropy[1]), 62 - math.log2(2 * cells * entropy[-1])))
+    gains = np.diff(np.rint(entropy * entropy_one).astype(np.int64))
+    return np.append(gains, 0), np.append(np.diff(c_log_c), 0.0), entropy_one
 
 
-def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint32], float]:
+def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint64], float]:
     """`CellMap.sample` and `sample_scale`; strewn by a hash of the cells' numbers, so that no pattern fits it."""
-    counted = np.flatnonzero(is_counted).astype(np.uint64)
-    cells = counted[(counted * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)]
-    tiles = (cells[:, None] << np.uint64(tile_shift)) + np.arange(1 << tile_shift, dtype=np.uint64)
-    return tiles.ravel().astype(np.uint32), len(counted) / max(1, len(cells))
+    cells = np.arange(len(is_counted), dtype=np.uint64)
+    is_drawn = (cells * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)
+    in_sample = is_counted & is_drawn
+    tiles = np.repeat(in_sample, 1 << tile_shift)
+    bits = np.packbits(np.pad(tiles, (0, -len(tiles) % GROUP_TILES)), bitorder="little")
+    return bits.view("<u8").astype(np.uint64), int(is_counted.sum()) / max(1, int(in_sample.sum()))
 
 
 def count_in(store: CellStore, boxes: Iterable[Box] | None, cell_size: int) -> None:
@@ -222,7 +248,7 @@ def count_in(store: CellStore, boxes: Iterable[Box] | None, cell_size: int) -> N
         boxes: pixels, which may lie off the sensor; None: measure everywhere.
         cell_size: r (pixels).
     """
-    sizes = store.sizes[0]
+    sizes = _sizes_of(store)[0]
     height, width = int(sizes["height"]), int(sizes["width"])
     rows, columns = -(-height // cell_size), -(-width // cell_size)
     inside = np.full((rows, columns), boxes is None)
@@ -234,8 +260,8 @@ def count_in(store: CellStore, boxes: Iterable[Box] | None, cell_size: int) -> N
     is_counted = inside.ravel()
     tile_shift = int(sizes["tile_shift"])
     sample, sample_scale = _sample(is_counted, tile_shift)
-    store.sizes["sampled"], store.sizes["sample_scale"] = len(sample), sample_scale
-    store.sizes["is_plain"] = tile_shift == 0 and bool(is_counted.all())
+    sizes["sample_scale"] = sample_scale
+    sizes["is_plain"] = tile_shift == 0 and bool(is_counted.all())
     cells = cells_in(store)
     cells.is_counted[:] = is_counted
     cells.sample[:] = sample

@@ -1,7 +1,7 @@
 """The kernels of conversion: events into the cell map, a running bound of its NZGE, and the frame out of it.
 
-They stay in one module: the compiler's cache knows only changes of a kernel's own file, and, by `CellStore`, of what
-the map is made of. Loops over events have no branches on what comes: the processor cannot predict it. Indices are
+They stay in one module: the compiler's cache knows only changes of a kernel's own file, and, by the state's type, of
+what the map is made of. Loops over events have no branches on what comes: the processor cannot predict it. Indices are
 unsigned: for signed ones the compiler adds a comparison to each access, as a negative index would count from the end.
 """
 
@@ -9,11 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from etd_ros.conversion.bits import count_bits, lowest_bit
-from etd_ros.conversion.cell_map import PARTIAL, CellMap, CellStore, cells_in
-from etd_ros.conversion.tiles import tile_levels, write_tile
+from etd_ros.borrowing_kernel import borrowing_kernel
+from etd_ros.conversion.bits import lowest_bit
+from etd_ros.conversion.cell_map import (
+    GROUP_TILES,
+    LANES,
+    LOW_BITS,
+    PARTIAL,
+    CellMap,
+    CellStore,
+    borrowed_cells,
+    source_digest,
+)
+from etd_ros.conversion.tiles import gained_in, tile_levels, tiles_with_events, write_tile
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -27,17 +36,11 @@ SAMPLE_CELLS_MIN = 256
 SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
 
-SPARSE_TILES = 2
-"""Tiles with events come one by one if there are less than one in so many; else all tiles come in a row."""
-
-FEW_TILES = 8
-"""Tiles are cleared one by one if less than one in so many has events; to clear all at once is fast."""
-
-ORDERED_TILES = 16384
-"""So many tiles are more than the processor's near memory holds: they are read in the order in which they lie."""
-
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
+
+FULL = 2**32 - 1
+"""The word of a tile that has all of its events: nothing is new there."""
 
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
@@ -51,7 +54,6 @@ HALF_UP = 0.5 + 1e-10
 STATE_DTYPE = np.dtype(
     [
         ("events", "<i8"),
-        ("touched", "<i8"),
         ("counted", "<i8"),
         ("entropy", "<i8"),
         ("next", "<i8"),
@@ -59,24 +61,25 @@ STATE_DTYPE = np.dtype(
         ("lost", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
+        (f"made_by_{source_digest()}", "<i8"),
     ]
 )
 """Where an unfinished frame stands.
 
-Its events; tiles with events; of the cells that count, those with events, and the sum of their channels' entropies as
+Its events; of the cells that count, those with events, and the sum of their channels' entropies as
 if all levels were distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample
 or an exact check: its event (0: none yet), what the sum had lost, and the cells that had events but no entropy. Exact
-checks that found less than alpha.
+checks that found less than alpha. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0.0, 0.0, 0, 0)
 
 ON, OFF = 1, 2
 
 _U32, _U64 = np.uint32, np.uint64
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _add_events(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -106,7 +109,7 @@ def _add_events(
         first += number
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _compute_slots(
     cells: CellMap,
     x: npt.NDArray[np.uint16],
@@ -125,7 +128,7 @@ def _compute_slots(
         cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _look_up_slots(
     cells: CellMap,
     x: npt.NDArray[np.uint16],
@@ -139,7 +142,7 @@ def _look_up_slots(
         cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _mark_slots(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -149,27 +152,29 @@ def _mark_slots(
     start_ns: int,
 ) -> None:
     """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
-    slots, last, words, entropy = cells.slots, cells.last, cells.words, cells.entropy
-    touched_tiles = cells.touched_tiles
-    gained, touched = np.int64(0), _U64(state[0].touched)
+    slots, last, words, befores = cells.slots, cells.last, cells.words, cells.befores
     for k in range(number):
         slot = slots[k]
         last[slot] = t[first + k] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
-        after = _U32(before | (_U32(1) << (slot & _U32(31))))
-        words[tile] = after
-        channel = _U32(0xFFFF) << (slot & _U32(16))
-        gained += entropy[count_bits(_U32(after & channel))] - entropy[count_bits(_U32(before & channel))]
-        # Written always, kept if the tile is new.
-        touched_tiles[touched] = tile
-        touched += _U64(before == _U32(0))
-    state[0].entropy += gained
-    state[0].touched = np.int64(touched)
-    state[0].counted = np.int64(touched)
+        befores[k] = before
+        words[tile] = before | (_U32(1) << (slot & _U32(31)))
+    # The sums by themselves, by vector instructions, up to a whole number of lanes.
+    for k in range(number, number + _U64(-np.int64(number) % LANES)):
+        befores[k] = FULL
+    counted = np.int64(0)
+    for k in range(_U64(0), number, _U64(LANES)):
+        counted += np.int64(gained_in(slots, befores, cells.gains_high, cells.gains_low, _U64(k)))
+    high, low = _U32(0), _U32(0)
+    for k in range(number):
+        high = _U32(high + slots[k])
+        low = _U32(low + befores[k])
+    state[0].entropy += (np.int64(high) << LOW_BITS) + np.int64(low)
+    state[0].counted += counted
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _mark_and_count_slots(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -179,9 +184,9 @@ def _mark_and_count_slots(
     start_ns: int,
 ) -> None:
     """The same where some cells do not count, or a cell has several tiles."""
-    slots, last, words, entropy = cells.slots, cells.last, cells.words, cells.entropy
-    touched_tiles, counts, is_counted = cells.touched_tiles, cells.counts, cells.is_counted
-    gained, counted, touched = np.int64(0), np.int64(0), _U64(state[0].touched)
+    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
+    counts, is_counted = cells.counts, cells.is_counted
+    gained, counted = np.int64(0), np.int64(0)
     for k in range(number):
         slot = slots[k]
         last[slot] = t[first + k] - start_ns
@@ -189,22 +194,19 @@ def _mark_and_count_slots(
         before = words[tile]
         after = _U32(before | (_U32(1) << (slot & _U32(31))))
         words[tile] = after
-        touched_tiles[touched] = tile
-        touched += _U64(before == _U32(0))
         is_new = _U32(after != before)
         cell = tile >> _U64(cells.tile_shift)
         channel = (cell << _U64(1)) | ((slot >> _U32(4)) & _U32(1))
         count = counts[channel]
         counted_new = np.int64(is_new) & np.int64(is_counted[cell])
-        gained += (entropy[count + _U32(1)] - entropy[count]) & -counted_new
+        gained += gains[count] & -counted_new
         counted += counted_new & np.int64((count | counts[channel ^ _U64(1)]) == 0)
         counts[channel] = count + is_new
     state[0].entropy += gained
-    state[0].touched = np.int64(touched)
     state[0].counted += counted
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
     """Index of the first event from `first` on that comes after limit_ns."""
     low, high = first, len(t)
@@ -219,22 +221,22 @@ def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
     return low
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def finish(
     store: CellStore, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
     """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
-    cells = cells_in(store)
+    cells = borrowed_cells(store)
     nzge = _read_out(cells, state, duration_ns, data)
     events = state[0].events
     _clear(cells, state)
     return nzge, events
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
-    lost, without_entropy = _read_levels(cells, state, duration_ns, False, data)
+    lost, without_entropy = _read_levels(cells, duration_ns, False, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
     state[0].without_entropy = without_entropy
@@ -242,20 +244,18 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
     return (state[0].entropy / cells.entropy_one - lost) / 2 / not_zero if not_zero else 0.0
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
     """Note what a sample of the cells has lost."""
-    lost, without_entropy = _read_levels(cells, state, duration_ns, True, data)
+    lost, without_entropy = _read_levels(cells, duration_ns, True, data)
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
     state[0].without_entropy = without_entropy * scale
 
 
-@njit(cache=True, nogil=True)
-def _read_levels(
-    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]
-) -> tuple[float, int]:
+@borrowing_kernel
+def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]) -> tuple[float, int]:
     """Write the levels of the pixels with events, or look at those of the sample without writing them.
 
     A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
@@ -264,61 +264,37 @@ def _read_levels(
         What the channels' entropies lose against distinct levels, and the number of cells with events, but without
         entropy; both over the cells that count.
     """
-    words, levels = cells.words, cells.levels
+    words, levels, is_counted = cells.words, cells.levels, cells.is_counted
     slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
     row_bytes = _U64(2 * len(cells.column_slot))
-    listed = cells.sample if of_sample else cells.touched_tiles
-    number = _U64(len(cells.sample) if of_sample else state[0].touched)
-    # The tiles of a cell have to come one after the other.
-    in_a_row = not of_sample and (cells.tile_shift > 0 or number * _U64(SPARSE_TILES) >= _U64(len(words)))
-    if in_a_row:
-        number = _U64(len(words))
-    elif not of_sample and len(words) >= ORDERED_TILES:
-        _sort_touched(cells, number)
-    shift, stamp_step = _U64(cells.tile_shift), _U64(len(cells.loss))
+    pairs_max = FEW_TWINS if cells.tile_shift == 0 else -1
     cells.seen[:] = 0
-    lost, without_entropy = 0.0, 0
-    for k in range(number):
-        tile = k if in_a_row else _U64(listed[k])
-        word = words[tile]
-        if word == _U32(0):
-            continue
-        twins = tile_levels(cells.last, tile << _U64(5), word, slope, offset, levels)
-        if not of_sample:
-            byte = _U64(cells.tile_byte[tile])
-            if byte < PARTIAL:
-                write_tile(levels, data, byte, row_bytes)
+    pairs, lost, without_entropy = np.int64(0), 0.0, 0
+    for k in range(_U64(len(cells.sample))):
+        first = k * _U64(GROUP_TILES)
+        group = tiles_with_events(words, first)
+        if of_sample:
+            group &= cells.sample[k]
+        while group:
+            tile = first | lowest_bit(group)
+            group = _U64(group & _U64(group - _U64(1)))
+            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels))
+            if not of_sample:
+                byte = _U64(cells.tile_byte[tile])
+                if byte < PARTIAL:
+                    write_tile(levels, data, byte, row_bytes)
+                else:
+                    _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
+            if twins <= pairs_max:
+                pairs += twins & -np.int64(is_counted[tile])
             else:
-                _write_pixels(cells, word, data, byte - _U64(PARTIAL))
-        cell = tile >> shift
-        if shift == _U64(0) and twins <= FEW_TWINS:
-            lost += twins * cells.loss[1] * cells.is_counted[cell]
-        elif cells.is_counted[cell]:
-            loss, full = _lost_by_twins(cells, word, _U32(((k >> shift) + _U64(1)) * stamp_step))
-            lost += loss
-            if full:
-                without_entropy += int(full == (ON | OFF) or _is_empty(cells, cell, full == OFF))
-    return lost, without_entropy
+                loss, without = _lost_by_twins(cells, tile)
+                lost += loss
+                without_entropy += without
+    return lost + pairs * cells.loss[1], without_entropy
 
 
-@njit(cache=True, nogil=True)
-def _sort_touched(cells: CellMap, number: np.uint64) -> None:
-    """Put so many touched tiles in the order in which they lie in memory, by a bit for each tile."""
-    touched_tiles, marks = cells.touched_tiles, cells.marks
-    for k in range(number):
-        tile = touched_tiles[k]
-        marks[tile >> _U32(5)] |= _U32(1) << (tile & _U32(31))
-    end = _U64(0)
-    for group in range(_U64(len(marks))):
-        mark = marks[group]
-        marks[group] = 0
-        while mark:
-            touched_tiles[end] = (group << _U64(5)) | _U64(lowest_bit(mark))
-            end += _U64(1)
-            mark = _U32(mark & _U32(mark - _U32(1)))
-
-
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], byte: np.uint64) -> None:
     """Write the levels of a tile that does not have all of its 4 x 4 pixels."""
     while word:
@@ -327,13 +303,18 @@ def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], 
         word = _U32(word & _U32(word - _U32(1)))
 
 
-@njit(cache=True, nogil=True)
-def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[float, int]:
-    """What the entropies of a tile's channels lose by levels that come twice or more, and which channels of its cell
-    are full of one level: ON, OFF or both. A channel fills up in its cell's last tile.
+@borrowing_kernel
+def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
+    """What the entropies of a tile's channels lose by levels that come twice or more, and whether the tile, its cell's
+    last one, completes a cell that has events but no entropy: its channels are full of one level, or empty.
 
-    A level has been seen c times in its cell and channel if its mark is the cell's stamp + c; stamps only grow.
+    The tiles of a cell have to come one after the other. A level has been seen c times in its cell and channel if its
+    mark is the cell's stamp + c; stamps only grow.
     """
+    cell, word = tile >> _U64(cells.tile_shift), cells.words[tile]
+    if not cells.is_counted[cell]:
+        return 0.0, 0
+    stamp = _U32(_U32(cell + _U64(1)) * _U32(len(cells.loss)))
     lost, full = 0.0, 0
     while word:
         place = _U64(lowest_bit(word))
@@ -346,25 +327,16 @@ def _lost_by_twins(cells: CellMap, word: np.uint32, stamp: np.uint32) -> tuple[f
             if same + _U32(2) == len(cells.loss):
                 full |= OFF if place >= _U64(16) else ON
         word = _U32(word & _U32(word - _U32(1)))
-    return lost, full
+    return lost, int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     """Forget the frame's events."""
-    touched = _U64(state[0].touched)
+    cells.words[:] = 0
     if not cells.is_plain:
-        for k in range(touched):
-            cell = _U64(cells.touched_tiles[k]) >> _U64(cells.tile_shift)
-            cells.counts[cell << _U64(1)] = 0
-            cells.counts[(cell << _U64(1)) | _U64(1)] = 0
-    if state[0].touched * FEW_TILES < len(cells.words):
-        for k in range(touched):
-            cells.words[cells.touched_tiles[k]] = 0
-    else:
-        cells.words[:] = 0
+        cells.counts[:] = 0
     state[0].events = 0
-    state[0].touched = 0
     state[0].counted = 0
     state[0].entropy = 0
     state[0].looked = 0
@@ -373,7 +345,7 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     state[0].failed = 0
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
     """Whether a cell's channel has no events."""
     channel = _U32(0xFFFF) if on else _U32(0xFFFF0000)
@@ -383,7 +355,7 @@ def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
     return bool(held == _U32(0))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def advance(
     store: CellStore,
     state: npt.NDArray[np.void],
@@ -406,7 +378,7 @@ def advance(
         The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
         frame is in data then, and the next one has begun), or 0 and 0.
     """
-    cells = cells_in(store)
+    cells = borrowed_cells(store)
     stop = _first_after(t, first, limit_ns)
     i = first
     if state[0].events == 0:
@@ -434,7 +406,7 @@ def advance(
         state[0].next += strides * check_stride
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _strides_below(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -447,11 +419,11 @@ def _strides_below(
     if state[0].counted == 0:
         return 1
     # No event adds more than the first one of a channel.
-    gain_max = cells.entropy[1] * check_stride
+    gain_max = cells.gains[0] * check_stride
     per_cell = 2 * alpha * cells.entropy_one * (1 - MARGIN)
     missing = state[0].counted * per_cell - state[0].entropy
     # A cell without entropy would raise the mean by leaving it, if it adds less than the mean; it has a full channel.
-    is_bound = per_cell <= cells.entropy[-1]
+    is_bound = per_cell <= cells.entropy_full
     if is_bound and missing > 0:
         return max(1, int(missing / gain_max))
     if state[0].looked == 0:
@@ -465,7 +437,7 @@ def _strides_below(
     return max(1, int(min(missing / gain_max, room / check_stride)))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     """Note an exact check that found less than alpha; strides to the next one."""
     state[0].failed += 1

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from etd_ros.conversion.cell_map import PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
+from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.kernels import HALF_UP
 from etd_ros.conversion.tiles import tile_levels, write_tile
 
@@ -78,15 +78,23 @@ SENSORS = [(240, 180), (346, 260), (5, 3), (70, 50), (1, 1)]
 def test_the_arrays_of_a_map_fill_its_memory_and_do_not_overlap(width, height, cell_size):
     store = make_cell_map(width, height, cell_size, 256.0)
     arrays = [array for array in cells_in(store) if isinstance(array, np.ndarray)]
-    first = store.memory.ctypes.data
+    first = store.ctypes.data
     spans = sorted((array.ctypes.data - first, array.nbytes) for array in arrays)
     ends = [start + size for start, size in spans]
     assert all(end <= start for end, (start, _) in zip(ends, spans[1:], strict=False))
-    assert 0 <= store.memory.nbytes - ends[-1] < 8
+    assert 0 <= store.nbytes - ends[-1] < 8
     cells = cells_in(store)
     tiles = len(cells.is_counted) << cells.tile_shift
-    assert (len(cells.words), len(cells.last), len(cells.touched_tiles)) == (tiles, TILE_SLOTS * tiles, tiles + 1)
-    assert 32 * len(cells.marks) >= tiles
+    assert (len(cells.words), len(cells.last), len(cells.gains)) == (tiles, TILE_SLOTS * tiles, cell_size**2 + 1)
+    assert GROUP_TILES * (len(cells.sample) - 1) < tiles <= GROUP_TILES * len(cells.sample)
+
+
+@pytest.mark.parametrize(("width", "height"), SENSORS)
+def test_behind_the_words_of_the_tiles_is_room_for_a_whole_group(width, height):
+    store = make_cell_map(width, height, 4, 256.0)
+    cells = cells_in(store)
+    behind = cells.tile_byte.ctypes.data - cells.words.ctypes.data
+    assert behind == 4 * GROUP_TILES * len(cells.sample)
 
 
 @pytest.mark.parametrize("cell_size", [2, 3, 4, 5, 8, 9])
