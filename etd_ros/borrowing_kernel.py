@@ -15,8 +15,10 @@ def borrowing_kernel(function: Callable[Arguments, Result]) -> Callable[Argument
     """Compile a function that neither makes arrays nor hands any to Python; without the interpreter's lock, cached.
 
     Otherwise the compiler counts the references to every array that goes from one compiled function to another, up and
-    down, by locked instructions: for a dozen arrays that takes longer than to add 50 events. What Python passes lives
-    as long as the call anyway. The compiler has this switch for itself; a function that makes an array does not compile
-    with it.
+    down, by locked instructions, and copies their descriptions: for a dozen arrays that takes longer than to add 50
+    events. What Python passes lives as long as the call anyway. The first switch the compiler has for itself: with it a
+    function that makes an array does not compile, and one that returns arrays may be called by borrowing kernels alone.
+    The second has the function put into the kernels that call it.
     """
-    return cast("Callable[Arguments, Result]", cast("Any", njit)(cache=True, nogil=True, _nrt=False)(function))
+    options = {"_nrt": False, "forceinline": True, "cache": True, "nogil": True}
+    return cast("Callable[Arguments, Result]", cast("Any", njit)(**options)(function))

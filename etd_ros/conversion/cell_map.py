@@ -27,13 +27,14 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.nzge import GREY_LEVELS, FloatArray, check_grid, count_log_counts
 
 TILE_SIDE = 4
-TILE_SLOTS = 2 * TILE_SIDE * TILE_SIDE
+CHANNEL_SLOTS = TILE_SIDE * TILE_SIDE
+TILE_SLOTS = 2 * CHANNEL_SLOTS
 
 DURATION_MAX_NS = 2_000_000_000
 """Longest frame: times since its start are kept in 32 bits."""
 
 BLOCK_EVENTS = 512
-"""Events that are added at a time: few enough for what is noted of them to stay in the processor's nearest memory."""
+"""Events that are added at a time: few enough for their slots to stay in the processor's nearest memory."""
 
 GROUP_TILES = 64
 """Tiles that are looked at for events at a time."""
@@ -77,7 +78,9 @@ SIZES_ITEMS = SIZES_DTYPE.itemsize // 8
 def source_digest() -> str:
     """Changes with what kernels of other modules are compiled of: named in their state's type, it keeps those out that
     were compiled with other sources of the map and its tiles."""
-    sources = (Path(__file__).with_name(name) for name in ("bits.py", "cell_map.py", "tiles.py"))
+    sources = (
+        Path(__file__).with_name(name) for name in ("bits.py", "cell_map.py", "marks.py", "tiles.py", "vectors.py")
+    )
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]
 
 
@@ -103,7 +106,7 @@ class CellMap(NamedTuple):
         entropy_full: the entropy of a channel of which all pixels have events, of distinct levels, in the same units.
         loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
         columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
-        slots, befores: uint32, (512,): scratch for a block of events: their slots, and the word that each one found.
+        slots: uint32, (512,): scratch for a block of events.
         seen: uint32, (512,), levels: uint8, (32,): scratch of the readout.
     """
 
@@ -127,7 +130,6 @@ class CellMap(NamedTuple):
     loss: FloatArray
     columns: int
     slots: npt.NDArray[np.uint32]
-    befores: npt.NDArray[np.uint32]
     seen: npt.NDArray[np.uint32]
     levels: npt.NDArray[np.uint8]
 
@@ -152,13 +154,12 @@ def cells_in(store: CellStore) -> CellMap:
     is_counted, rest = rest[:cells], rest[cells:]
     counts, rest = rest[: 2 * cells], rest[2 * cells :]
     slots, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
-    befores, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
     seen, rest = rest[: 2 * GREY_LEVELS], rest[2 * GREY_LEVELS :]
     levels = rest[: TILE_SLOTS // 4].view(np.uint8)
     return CellMap(
         row_slot, column_slot, last, words, tile_byte, slot_byte, sizes["tile_shift"], is_counted,
         sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], gains, gains_high, gains_low,
-        sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, befores, seen, levels,
+        sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, seen, levels,
     )  # fmt: skip
 
 
@@ -168,7 +169,7 @@ borrowed_cells = borrowing_kernel(cells_in)
 
 def _word_count(height: int, width: int, cells: int, tiles: int) -> int:
     """How many 32-bit words `cells_in` deals out."""
-    scratch = 2 * LANES + 2 * BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4
+    scratch = 2 * LANES + BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4
     words = -(-tiles // GROUP_TILES) * GROUP_TILES
     return height + width + (TILE_SLOTS + 1) * tiles + words + TILE_SLOTS + 3 * cells + scratch
 

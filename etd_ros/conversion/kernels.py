@@ -11,18 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel
-from etd_ros.conversion.bits import lowest_bit
+from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import (
     GROUP_TILES,
     LANES,
-    LOW_BITS,
     PARTIAL,
     CellMap,
     CellStore,
     borrowed_cells,
     source_digest,
 )
-from etd_ros.conversion.tiles import gained_in, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.marks import mark_events
+from etd_ros.conversion.tiles import tile_levels, tiles_with_events, write_tile
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -38,9 +38,6 @@ SAMPLE_TRUST = 0.9
 
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
-
-FULL = 2**32 - 1
-"""The word of a tile that has all of its events: nothing is new there."""
 
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
@@ -152,25 +149,20 @@ def _mark_slots(
     start_ns: int,
 ) -> None:
     """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
-    slots, last, words, befores = cells.slots, cells.last, cells.words, cells.befores
-    for k in range(number):
+    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
+    whole = number - number % _U64(LANES)
+    gained, counted = mark_events(slots, last, words, t, first, whole, start_ns, cells.gains_high, cells.gains_low)
+    for k in range(whole, number):
         slot = slots[k]
-        last[slot] = t[first + k] - start_ns
+        last[slot] = t[first + _U64(k)] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
-        befores[k] = before
-        words[tile] = before | (_U32(1) << (slot & _U32(31)))
-    # The sums by themselves, by vector instructions, up to a whole number of lanes.
-    for k in range(number, number + _U64(-np.int64(number) % LANES)):
-        befores[k] = FULL
-    counted = np.int64(0)
-    for k in range(_U64(0), number, _U64(LANES)):
-        counted += np.int64(gained_in(slots, befores, cells.gains_high, cells.gains_low, _U64(k)))
-    high, low = _U32(0), _U32(0)
-    for k in range(number):
-        high = _U32(high + slots[k])
-        low = _U32(low + befores[k])
-    state[0].entropy += (np.int64(high) << LOW_BITS) + np.int64(low)
+        bit = _U32(1) << (slot & _U32(31))
+        words[tile] = before | bit
+        in_channel = _U32(before & _U32(_U32(0xFFFF) << (slot & _U32(16))))
+        gained += gains[count_bits(in_channel)] & -int(_U32(before & bit) == _U32(0))
+        counted += int(before == _U32(0))
+    state[0].entropy += gained
     state[0].counted += counted
 
 

@@ -1,0 +1,46 @@
+"""What kernels' vector instructions are written with: those that the compiler does not make of a loop.
+
+They are LLVM's own vector operations, which it has for every processor.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core.cgutils import get_or_insert_function
+
+BIT, BYTE, WORD, LONG, DOUBLE = *(ir.IntType(bits) for bits in (1, 8, 32, 64)), ir.DoubleType()
+
+
+def all_lanes(kind: ir.VectorType, value: int) -> ir.Constant:
+    """A number in each lane of a vector."""
+    return ir.Constant(kind, [value] * kind.count)
+
+
+def items(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Pointer to the first item of an array of Numba's type `kind`."""
+    return context.make_array(kind)(context, builder, array).data
+
+
+def vector_at(builder: Any, first: Any, index: Any, kind: ir.Type) -> Any:
+    """Pointer to the vector that begins at an item's index."""
+    return builder.bitcast(builder.gep(first, [index]), kind.as_pointer())
+
+
+def count_bits_of_lanes(builder: Any, words: Any) -> Any:
+    """Number of set bits of each lane."""
+    return _call(builder, "ctpop", words, words.type)
+
+
+def sum_of_lanes(builder: Any, words: Any) -> Any:
+    """Sum over the lanes."""
+    return _call(builder, "vector.reduce.add", words, words.type.element)
+
+
+def _call(builder: Any, operation: str, words: Any, result: ir.Type) -> Any:
+    """The builder's own methods take single words alone."""
+    name = f"llvm.{operation}.v{words.type.count}i{words.type.element.width}"
+    kind = ir.FunctionType(result, [words.type])
+    function = get_or_insert_function(builder.module, kind, name)  # type: ignore[no-untyped-call]
+    return builder.call(function, [words])
