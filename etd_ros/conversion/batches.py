@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.conversion.frame import ConversionError
 from etd_ros.events import Events
 
@@ -33,7 +33,7 @@ def check_batch(events: Events, width: int, height: int, previous_ns: int | None
         raise ConversionError(_what_is_wrong(events, previous_ns))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _follows(
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],

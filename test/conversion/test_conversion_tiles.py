@@ -10,7 +10,7 @@ from numba import njit
 
 from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.kernels import HALF_UP
-from etd_ros.conversion.tiles import tile_levels, write_tile
+from etd_ros.conversion.tiles import tile_levels, tiles_with_events, write_tile
 
 times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)
 words = st.integers(0, 2**TILE_SLOTS - 1)
@@ -24,6 +24,11 @@ def levels_of(last, slot, word, slope, levels):
 @njit
 def write(levels, data, byte, row_bytes):
     write_tile(levels, data, np.uint64(byte), np.uint64(row_bytes))
+
+
+@njit
+def with_events(words, first):
+    return tiles_with_events(words, np.uint64(first))
 
 
 def expected_levels(last, word, slope):
@@ -68,6 +73,14 @@ def test_a_tile_is_written_row_by_row_with_the_channels_beside_each_other_and_no
     wanted = np.zeros_like(data)
     wanted[1:5, 2:6] = levels.reshape(2, 4, 4).transpose(1, 2, 0)
     np.testing.assert_array_equal(data, wanted)
+
+
+@given(st.sets(st.integers(0, GROUP_TILES - 1)), st.sampled_from([0, 1, 64]))
+@settings(deadline=None)
+def test_each_tile_of_a_group_with_events_has_its_bit(tiles, first):
+    words = np.zeros(2 * GROUP_TILES, np.uint32)
+    words[[first + tile for tile in tiles]] = 1 << 31
+    assert with_events(words, first) == sum(1 << tile for tile in tiles)
 
 
 SENSORS = [(240, 180), (346, 260), (5, 3), (70, 50), (1, 1)]

@@ -1,0 +1,81 @@
+"""Events that are put into a cell map 16 at a time, against plain Python."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from etd_ros.borrowing_kernel import borrowing_kernel
+from etd_ros.conversion.cell_map import BLOCK_EVENTS, LANES, TILE_SLOTS, cells_in, make_cell_map
+from etd_ros.conversion.marks import mark_events
+
+TILES = 4
+START_NS = 1_600_000_000_000_000_000
+
+
+@borrowing_kernel
+def mark(slots, last, words, t, first, number, start_ns, high, low):
+    return mark_events(slots, last, words, t, np.uint64(first), np.uint64(number), start_ns, high, low)
+
+
+def channel_entropy(pixels):
+    """Of 16 pixels of which so many have events of distinct levels, log base 256."""
+    shares = [1 / 16] * pixels + [(16 - pixels) / 16]
+    return -sum(share * math.log(share, 256) for share in shares if share)
+
+
+def entropy_of(word):
+    return sum(channel_entropy(half.bit_count()) for half in (word & 0xFFFF, word >> 16))
+
+
+def marked(slots, words, times):
+    """`last` where there is an event, words, the entropy gained and the tiles that were empty, one event at a time."""
+    last, words, emptied = {}, list(words), 0
+    before = sum(map(entropy_of, words))
+    for slot, time in zip(slots, times, strict=True):
+        tile, place = divmod(slot, TILE_SLOTS)
+        emptied += words[tile] == 0
+        words[tile] |= 1 << place
+        last[slot] = time
+    return last, words, sum(map(entropy_of, words)) - before, emptied
+
+
+def gain_tables():
+    store = make_cell_map(4, 4, 4, 256.0)
+    cells = cells_in(store)
+    return cells.gains_high, cells.gains_low, cells.entropy_one
+
+
+slots_of_blocks = st.integers(0, 5).flatmap(
+    lambda blocks: st.lists(st.integers(0, TILES * TILE_SLOTS - 1), min_size=LANES * blocks, max_size=LANES * blocks)
+)
+
+
+@given(
+    slots_of_blocks, st.lists(st.sampled_from([0, 1, 0xFFFF, 0xFFFF0000, 2**32 - 1]), min_size=TILES, max_size=TILES)
+)
+@settings(deadline=None)
+def test_16_at_a_time_events_leave_what_they_leave_one_by_one(slots, words):
+    high, low, entropy_one = gain_tables()
+    first = 3
+    t = START_NS + np.arange(first + len(slots), dtype=np.int64)
+    last = np.full(TILES * TILE_SLOTS, -1, np.int32)
+    found = np.array(words, np.uint32)
+    gained, emptied = mark(np.array(slots, np.uint32), last, found, t, first, len(slots), START_NS, high, low)
+    wanted_last, wanted_words, wanted_gain, wanted_emptied = marked(slots, words, range(first, first + len(slots)))
+    assert {slot: time for slot, time in enumerate(last.tolist()) if time >= 0} == wanted_last
+    assert found.tolist() == wanted_words
+    assert gained / entropy_one == pytest.approx(wanted_gain, abs=1e-11)
+    assert emptied == wanted_emptied
+
+
+def test_the_gains_of_a_whole_block_fit_their_sums():
+    high, low, entropy_one = gain_tables()
+    tiles = BLOCK_EVENTS // 2
+    slots = np.sort(np.r_[TILE_SLOTS * np.arange(tiles), TILE_SLOTS * np.arange(tiles) + 16]).astype(np.uint32)
+    last, words = np.zeros(TILE_SLOTS * tiles, np.int32), np.zeros(tiles, np.uint32)
+    gained, emptied = mark(slots, last, words, np.zeros(BLOCK_EVENTS, np.int64), 0, BLOCK_EVENTS, 0, high, low)
+    assert gained / entropy_one == pytest.approx(BLOCK_EVENTS * channel_entropy(1), rel=1e-9)
+    assert emptied == tiles
