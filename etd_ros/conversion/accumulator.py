@@ -63,11 +63,11 @@ class FrameAccumulator:
             ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
         """
         check_batch(events, self.width, self.height, self._previous_ns)
-        if not len(events):
+        if events.t.size == 0:
             return
         if self._previous_ns is None:
             self.start_ns = int(events.t[0])
-        self._previous_ns = int(events.t[-1])
+        self._previous_ns = events.t.item(-1)
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""

@@ -140,8 +140,8 @@ class AtsltdConverter(AccumulatingConverter):
         accumulator = self._accumulator
         alpha, beta = self.config.nzge_interval
         frame: Frame | None
-        i = 0
-        while i < len(events):
+        i, number = 0, len(events)
+        while i < number:
             if self._regions is not None and accumulator.events == 0:
                 accumulator.count_in(self._regions())
             i, reached_nzge, frame_events = advance(
@@ -157,9 +157,9 @@ class AtsltdConverter(AccumulatingConverter):
                 accumulator.data,
             )
             if reached_nzge > 0:
-                frame = accumulator.hand_out(int(events.t[i - 1]), FrameEnd.NZGE, reached_nzge, frame_events)
+                frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, reached_nzge, frame_events)
                 self.overshoots += frame.nzge > beta
-            elif i < len(events):
+            elif i < number:
                 frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)
             else:
                 return
