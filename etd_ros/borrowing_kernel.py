@@ -1,4 +1,9 @@
-"""Compiled functions that only borrow their arrays."""
+"""Compiled functions that only borrow their arrays.
+
+Otherwise the compiler counts the references to every array that goes from one compiled function to another, up and
+down, by locked instructions, and copies their descriptions: for a dozen arrays that takes longer than to add 50 events.
+What Python passes lives as long as the call anyway.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +19,13 @@ Result = TypeVar("Result")
 def borrowing_kernel(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Compile a function that neither makes arrays nor hands any to Python; without the interpreter's lock, cached.
 
-    Otherwise the compiler counts the references to every array that goes from one compiled function to another, up and
-    down, by locked instructions, and copies their descriptions: for a dozen arrays that takes longer than to add 50
-    events. What Python passes lives as long as the call anyway. The first switch the compiler has for itself: with it a
-    function that makes an array does not compile, and one that returns arrays may be called by borrowing kernels alone.
-    The second has the function put into the kernels that call it.
+    The switch for references the compiler has for itself: with it, a function that makes an array does not compile.
     """
-    options = {"_nrt": False, "forceinline": True, "cache": True, "nogil": True}
-    return cast("Callable[Arguments, Result]", cast("Any", njit)(**options)(function))
+    return cast("Callable[Arguments, Result]", cast("Any", njit)(_nrt=False, nogil=True, cache=True)(function))
+
+
+def kernel_part(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same for a function that borrowing kernels alone call: it is put into each of them, and not cached by itself,
+    as the cache would know only changes of its own file. It may return arrays, in a tuple.
+    """
+    return cast("Callable[Arguments, Result]", cast("Any", njit)(_nrt=False, nogil=True, forceinline=True)(function))

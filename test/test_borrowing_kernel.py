@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from etd_ros.borrowing_kernel import borrowing_kernel
+from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 
 
-@borrowing_kernel
+@kernel_part
 def double(values):
     for k in range(len(values)):
         values[k] *= 2

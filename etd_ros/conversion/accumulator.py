@@ -94,13 +94,13 @@ class FrameAccumulator:
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        entropy, events = finish(self.store, self.state, stamp_ns - self.start_ns, self.data)
-        return self.hand_out(stamp_ns, end, entropy, events)
+        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self.data)
+        return self.hand_out(stamp_ns, end, nzge, events)
 
-    def hand_out(self, stamp_ns: int, end: FrameEnd, entropy: float, events: int) -> Frame:
+    def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
         """The frame that a kernel has put into `data`; the next one starts at stamp_ns."""
         data = self.data.reshape(self.height, self.width, 2)
-        frame = Frame(stamp_ns, self.start_ns, data, events, entropy, end)
+        frame = Frame(stamp_ns, self.start_ns, data, events, nzge, end)
         self.data = self._empty_data()
         self.start_ns = stamp_ns
         return frame

@@ -1,8 +1,9 @@
 """The kernels of conversion: events into the cell map, a running bound of its NZGE, and the frame out of it.
 
 They stay in one module: the compiler's cache knows only changes of a kernel's own file, and, by the state's type, of
-what the map is made of. Loops over events have no branches on what comes: the processor cannot predict it. Indices are
-unsigned: for signed ones the compiler adds a comparison to each access, as a negative index would count from the end.
+what else `advance` and `finish` are made of. Loops over events have no branches on what comes: the processor cannot
+predict it. Indices are unsigned: for signed ones the compiler adds a comparison to each access, as a negative index
+would count from the end.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.borrowing_kernel import borrowing_kernel
+from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import (
     GROUP_TILES,
@@ -76,7 +77,7 @@ ON, OFF = 1, 2
 _U32, _U64 = np.uint32, np.uint64
 
 
-@borrowing_kernel
+@kernel_part
 def _add_events(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -106,7 +107,7 @@ def _add_events(
         first += number
 
 
-@borrowing_kernel
+@kernel_part
 def _compute_slots(
     cells: CellMap,
     x: npt.NDArray[np.uint16],
@@ -125,7 +126,7 @@ def _compute_slots(
         cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
 
 
-@borrowing_kernel
+@kernel_part
 def _look_up_slots(
     cells: CellMap,
     x: npt.NDArray[np.uint16],
@@ -139,7 +140,7 @@ def _look_up_slots(
         cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
 
 
-@borrowing_kernel
+@kernel_part
 def _mark_slots(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -166,7 +167,7 @@ def _mark_slots(
     state[0].counted += counted
 
 
-@borrowing_kernel
+@kernel_part
 def _mark_and_count_slots(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -198,7 +199,7 @@ def _mark_and_count_slots(
     state[0].counted += counted
 
 
-@borrowing_kernel
+@kernel_part
 def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
     """Index of the first event from `first` on that comes after limit_ns."""
     low, high = first, len(t)
@@ -225,7 +226,7 @@ def finish(
     return nzge, events
 
 
-@borrowing_kernel
+@kernel_part
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
     lost, without_entropy = _read_levels(cells, duration_ns, False, data)
@@ -236,7 +237,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
     return (state[0].entropy / cells.entropy_one - lost) / 2 / not_zero if not_zero else 0.0
 
 
-@borrowing_kernel
+@kernel_part
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
     """Note what a sample of the cells has lost."""
     lost, without_entropy = _read_levels(cells, duration_ns, True, data)
@@ -246,7 +247,7 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
     state[0].without_entropy = without_entropy * scale
 
 
-@borrowing_kernel
+@kernel_part
 def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]) -> tuple[float, int]:
     """Write the levels of the pixels with events, or look at those of the sample without writing them.
 
@@ -286,7 +287,7 @@ def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.ND
     return lost + pairs * cells.loss[1], without_entropy
 
 
-@borrowing_kernel
+@kernel_part
 def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], byte: np.uint64) -> None:
     """Write the levels of a tile that does not have all of its 4 x 4 pixels."""
     while word:
@@ -295,7 +296,7 @@ def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], 
         word = _U32(word & _U32(word - _U32(1)))
 
 
-@borrowing_kernel
+@kernel_part
 def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
     """What the entropies of a tile's channels lose by levels that come twice or more, and whether the tile, its cell's
     last one, completes a cell that has events but no entropy: its channels are full of one level, or empty.
@@ -322,7 +323,7 @@ def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
     return lost, int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
 
 
-@borrowing_kernel
+@kernel_part
 def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     """Forget the frame's events."""
     cells.words[:] = 0
@@ -337,7 +338,7 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     state[0].failed = 0
 
 
-@borrowing_kernel
+@kernel_part
 def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
     """Whether a cell's channel has no events."""
     channel = _U32(0xFFFF) if on else _U32(0xFFFF0000)
@@ -398,7 +399,7 @@ def advance(
         state[0].next += strides * check_stride
 
 
-@borrowing_kernel
+@kernel_part
 def _strides_below(
     cells: CellMap,
     state: npt.NDArray[np.void],
@@ -429,7 +430,7 @@ def _strides_below(
     return max(1, int(min(missing / gain_max, room / check_stride)))
 
 
-@borrowing_kernel
+@kernel_part
 def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     """Note an exact check that found less than alpha; strides to the next one."""
     state[0].failed += 1

@@ -7,6 +7,7 @@ vector takes 100 ns, as the reading has to wait for the writing.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -23,6 +24,7 @@ from etd_ros.conversion.vectors import (
     WORD,
     all_lanes,
     count_bits_of_lanes,
+    item_at,
     items,
     sum_of_lanes,
     vector_at,
@@ -35,14 +37,32 @@ MarkEvents: TypeAlias = (
 )
 
 _LANES = ir.VectorType(WORD, LANES)
-_FIRST = ir.Constant(LONG, 0)
+_ZERO = ir.Constant(LONG, 0)
 
 
-def _mark(builder: Any, slot: Any, time: Any, last: Any, words: Any) -> Any:
+@dataclass(frozen=True)
+class _Array:
+    """An array in a function that is being compiled: its type and its value."""
+
+    context: Any
+    kind: Any
+    value: Any
+
+    def item(self, builder: Any, index: Any) -> Any:
+        """Pointer to an item."""
+        return item_at(self.context, builder, self.kind, self.value, index)
+
+    def vector(self, builder: Any, index: Any) -> Any:
+        """The 16 items from an index on."""
+        first = items(self.context, builder, self.kind, self.value)
+        return builder.load(vector_at(builder, first, index, _LANES), align=4)
+
+
+def _mark(builder: Any, slot: Any, time: Any, last: _Array, words: _Array) -> Any:
     """Note an event's time, set its bit, and return the word that was there before."""
-    builder.store(builder.trunc(time, WORD), builder.gep(last, [builder.zext(slot, LONG)]))
+    builder.store(builder.trunc(time, WORD), last.item(builder, builder.zext(slot, LONG)))
     tile = builder.lshr(slot, ir.Constant(WORD, (TILE_SLOTS - 1).bit_length()))
-    word = builder.gep(words, [builder.zext(tile, LONG)])
+    word = words.item(builder, builder.zext(tile, LONG))
     before = builder.load(word)
     bit = builder.shl(ir.Constant(WORD, 1), builder.and_(slot, ir.Constant(WORD, TILE_SLOTS - 1)))
     builder.store(builder.or_(before, bit), word)
@@ -82,22 +102,21 @@ def _mark_events(
     _typing: Any, slots: Any, last: Any, words: Any, t: Any, first: Any, number: Any, start_ns: Any, high: Any, low: Any
 ) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        slots_, last_, words_, t_, high_, low_ = (
-            items(context, builder, signature.args[k], arguments[k]) for k in (0, 1, 2, 3, 7, 8)
-        )
+        arrays = [_Array(context, kind, value) for kind, value in zip(signature.args, arguments, strict=True)]
+        slots_, last_, words_, t_, *_, high_, low_ = arrays
         first_, number_, start_ = arguments[4:7]
-        tables = [builder.load(vector_at(builder, table, _FIRST, _LANES), align=4) for table in (high_, low_)]
+        tables = [table.vector(builder, _ZERO) for table in (high_, low_)]
         sums = [_variable(builder, all_lanes(_LANES, 0)) for _ in tables]
         emptied = _variable(builder, ir.Constant(LONG, 0))
-        with for_range_slice(builder, _FIRST, number_, ir.Constant(LONG, LANES), LONG) as (index, _):
+        with for_range_slice(builder, _ZERO, number_, ir.Constant(LONG, LANES), LONG) as (index, _):
             befores = ir.Constant(_LANES, ir.Undefined)
             for lane in range(LANES):
                 place = builder.add(index, ir.Constant(LONG, lane))
-                slot = builder.load(builder.gep(slots_, [place]))
-                time = builder.sub(builder.load(builder.gep(t_, [builder.add(first_, place)])), start_)
+                slot = builder.load(slots_.item(builder, place))
+                time = builder.sub(builder.load(t_.item(builder, builder.add(first_, place))), start_)
                 before = _mark(builder, slot, time, last_, words_)
                 befores = builder.insert_element(befores, before, ir.Constant(WORD, lane))
-            these = builder.load(vector_at(builder, slots_, index, _LANES), align=4)
+            these = slots_.vector(builder, index)
             for sum_, gains in zip(sums, _gains(builder, these, befores, tables), strict=True):
                 _add_to(builder, sum_, gains)
             were_empty = builder.icmp_unsigned("==", befores, all_lanes(_LANES, 0))

@@ -20,7 +20,7 @@ TileLevels: TypeAlias = (
 )
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
 
-_FIRST = ir.Constant(LONG, 0)
+_ZERO = ir.Constant(LONG, 0)
 _BYTES, _WORDS, _DOUBLES = (ir.VectorType(kind, TILE_SLOTS) for kind in (BYTE, WORD, DOUBLE))
 _TWO_TILES = ir.VectorType(BYTE, 2 * TILE_SLOTS)
 _GROUP = ir.VectorType(WORD, GROUP_TILES)
@@ -85,7 +85,7 @@ def _tile_levels(_typing: Any, last: Any, slot: Any, word: Any, slope: Any, offs
         last_, levels_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 5))
         times = builder.load(vector_at(builder, last_, slot_, _WORDS), align=4)
         found = _levels(builder, times, word_, slope_, offset_)
-        builder.store(found, vector_at(builder, levels_, _FIRST, _BYTES), align=1)
+        builder.store(found, vector_at(builder, levels_, _ZERO, _BYTES), align=1)
         return _twins(builder, found)
 
     del slot, word, slope, offset
@@ -96,7 +96,7 @@ def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any)
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         _, _, byte_, row_bytes_ = arguments
         levels_, data_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 1))
-        found = builder.load(vector_at(builder, levels_, _FIRST, _BYTES), align=1)
+        found = builder.load(vector_at(builder, levels_, _ZERO, _BYTES), align=1)
         woven = [channel + place for place in range(CHANNEL_SLOTS) for channel in (0, CHANNEL_SLOTS)]
         rows = builder.bitcast(builder.shuffle_vector(found, found, _mask(woven)), ir.VectorType(LONG, TILE_SIDE))
         for row in range(TILE_SIDE):

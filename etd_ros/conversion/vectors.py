@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core.cgutils import get_or_insert_function
+from numba.core.cgutils import get_item_pointer, get_or_insert_function
 
 BIT, BYTE, WORD, LONG, DOUBLE = *(ir.IntType(bits) for bits in (1, 8, 32, 64)), ir.DoubleType()
 
@@ -21,6 +21,14 @@ def all_lanes(kind: ir.VectorType, value: int) -> ir.Constant:
 def items(context: Any, builder: Any, kind: Any, array: Any) -> Any:
     """Pointer to the first item of an array of Numba's type `kind`."""
     return context.make_array(kind)(context, builder, array).data
+
+
+def item_at(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+    """Pointer to an item of an array of Numba's type `kind`, which need not be contiguous; the index is checked where
+    the compiler is told to check indices."""
+    struct = context.make_array(kind)(context, builder, array)
+    checks = context.enable_boundscheck
+    return get_item_pointer(context, builder, kind, struct, [index], wraparound=False, boundscheck=checks)  # type: ignore[no-untyped-call]
 
 
 def vector_at(builder: Any, first: Any, index: Any, kind: ir.Type) -> Any:

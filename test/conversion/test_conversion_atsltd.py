@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from etd_ros.conversion import AtsltdConfig, AtsltdConverter, ConversionError, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.events import Events
 from etd_ros.parameters import ParameterError
 
 MS = 1_000_000
@@ -265,6 +266,14 @@ def test_reset_starts_a_new_stream_even_back_in_time():
     fresh = frames_of(converter, [events])
     converter.reset()
     assert_same_frames(frames_of(converter, [events]), fresh)
+
+
+def test_events_need_not_lie_one_after_the_other():
+    events = random_events(8, 4000, 20, 20, 10 * MS)[::2]
+    copied = Events(*(array.copy() for array in (events.t, events.x, events.y, events.p)), 20, 20)
+    frames = frames_of(AtsltdConverter(20, 20), [copied])
+    assert len(frames) > 1
+    assert_same_frames(frames_of(AtsltdConverter(20, 20), [events]), frames)
 
 
 def test_overshoots_are_counted():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
-from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.conversion.cell_map import BLOCK_EVENTS, LANES, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.marks import mark_events
 
@@ -15,7 +15,7 @@ TILES = 4
 START_NS = 1_600_000_000_000_000_000
 
 
-@borrowing_kernel
+@njit
 def mark(slots, last, words, t, first, number, start_ns, high, low):
     return mark_events(slots, last, words, t, np.uint64(first), np.uint64(number), start_ns, high, low)
 
@@ -79,3 +79,12 @@ def test_the_gains_of_a_whole_block_fit_their_sums():
     gained, emptied = mark(slots, last, words, np.zeros(BLOCK_EVENTS, np.int64), 0, BLOCK_EVENTS, 0, high, low)
     assert gained / entropy_one == pytest.approx(BLOCK_EVENTS * channel_entropy(1), rel=1e-9)
     assert emptied == tiles
+
+
+def test_times_need_not_lie_one_after_the_other():
+    high, low, _ = gain_tables()
+    slots, words = np.arange(LANES, dtype=np.uint32), np.zeros(1, np.uint32)
+    t = np.arange(3 * LANES, dtype=np.int64)[::3]
+    last = np.zeros(TILE_SLOTS, np.int32)
+    mark(slots, last, words, t, 0, LANES, 0, high, low)
+    assert last[:LANES].tolist() == t.tolist()
