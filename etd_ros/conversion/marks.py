@@ -19,7 +19,6 @@ from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, LANES, LOW_BITS, TILE_SLOTS
 from etd_ros.conversion.vectors import (
-    BIT,
     LONG,
     WORD,
     all_lanes,
@@ -120,7 +119,7 @@ def _mark_events(
             for sum_, gains in zip(sums, _gains(builder, these, befores, tables), strict=True):
                 _add_to(builder, sum_, gains)
             were_empty = builder.icmp_unsigned("==", befores, all_lanes(_LANES, 0))
-            count = builder.ctpop(builder.bitcast(were_empty, ir.IntType(LANES * BIT.width)))
+            count = builder.ctpop(builder.bitcast(were_empty, ir.IntType(LANES)))
             _add_to(builder, emptied, builder.zext(count, LONG))
         upper, lower = (builder.zext(sum_of_lanes(builder, builder.load(sum_)), LONG) for sum_ in sums)
         gained = builder.add(builder.shl(upper, ir.Constant(LONG, LOW_BITS)), lower)

@@ -91,7 +91,13 @@ def run_cell(task: CellTask, workplace: Workplace) -> CellResult:
     except EtdError as err:
         return failed_cell(task.cell, str(err))
     except Exception as err:
-        return failed_cell(task.cell, f"{type(err).__name__}: {err}")
+        return failed_cell(task.cell, f"{_kind(err)}: {err}")
+
+
+def _kind(err: Exception) -> str:
+    """Its class; what OpenCV says of too little memory is of a class of its own."""
+    has_no_memory = any(sign in str(err) for sign in ("std::bad_alloc", "Insufficient memory"))
+    return MemoryError.__name__ if has_no_memory else type(err).__name__
 
 
 def failed_cell(cell: Cell, error: str) -> CellResult:

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 
+import cv2
 import pytest
 from evaluation_sequences import blocked_sequence, tasks_of, when_read, write_sequence
 
@@ -93,6 +94,16 @@ def test_a_cell_that_runs_out_of_memory_costs_that_cell_only(square, tmp_path):
         process.close()
     assert (errors[0], errors[2]) == (None, None)
     assert errors[1].startswith("MemoryError")
+
+
+@pytest.mark.parametrize("reason", ["std::bad_alloc", "(-4:Insufficient memory) Failed to allocate 80000000 bytes"])
+def test_too_little_memory_is_called_so_where_opencv_met_it_first(square, reason):
+    class ShortOfMemory(Workplace):
+        def recording(self, _path, _topic):
+            raise cv2.error(reason)
+
+    (task,) = tasks_of(square)
+    assert run_cell(task, ShortOfMemory()).error == f"MemoryError: {reason}"
 
 
 def test_a_process_that_cannot_start_says_why_in_its_cells(square, monkeypatch):
