@@ -192,6 +192,27 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
+                  part: int, step: float, cell_px: float, velocity: Float64Array, motion: Float64Array,
+                  ridge_weight: float) -> tuple[float, float, float]:  # fmt: skip
+    """Scores of a pose whose scale (`part` 2) is less by a step (of its logarithm, nearly), as it is and greater, or
+    its angle (`part` 3; rad).
+
+    A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
+    """
+    scores = np.empty(3)
+    beside = pose.copy()
+    for number in range(3):
+        change = (number - 1) * step
+        beside[part] = pose[part] * (1 + change) if part == 2 else pose[part] + change
+        score, _, _, _ = score_at(
+            points, count, maps, norms, beside, cell_px, velocity, motion, ridge_weight, False
+        )  # fmt: skip
+        scores[number] = score / beside[2]
+    return scores[0], scores[1], scores[2]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
                   velocity: Float64Array, step_px: float, sums: Float64Array) -> None:  # fmt: skip
     """`_sums` for every place of a square grid round x, y, with the cell nearest to each point, and of so many points

@@ -20,10 +20,10 @@ from etd_ros.tracking.contour_kernels import (
     Float32Array,
     Float64Array,
     arm_cells,
-    parabola,
     score_at,
     search,
 )
+from etd_ros.tracking.misfits import ANGLE, SCALE, Misfits, Sight
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 
@@ -34,19 +34,11 @@ MARGIN = 1.2
 BORDER_CELLS = 2
 KEPT_MARGIN_PX = 10.0
 """How far round the model the surface is kept up to date, for the looks to come."""
-SCALE, ANGLE = 2, 3
-"""Parts of a pose."""
 ROUNDNESS = 1.7
 """p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
 something between."""
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.15
 """How much of a misfit is a misfit of the rate."""
-SCALE_STEP = 0.04
-ANGLE_STEP_CELLS, ANGLE_STEP_MAX = 1.0, 0.3
-"""An angle is tried that moves the model by so many cells, usually."""
-STIFFNESS = 0.03
-"""A change of scale or angle that changes the score by less than this share of it is hardly taken on: a ball has no
-angle."""
 SCALE_LIMITS = (0.2, 5.0)
 EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
@@ -126,6 +118,7 @@ class Contours:
         self._kept_memories = np.empty_like(self._memories)
         self.keep_memories()
         self._arm_cells = arm_cells(rows, columns)
+        self._misfits = Misfits(self._usual[WEIGHT], self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._events_per_px: float | None = None
         self._events_waiting = 0
@@ -276,13 +269,14 @@ class Contours:
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
-        self._fit_scale_and_angle(points, count, elapsed_s)
+        self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1
         inside = splat(points, count, self.pose, self.cell_px, self.motion, self.drawn)
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
+        self._misfits.learn_preferences(self._sight(points, count), self.drawn, self._direction_by_the_cell())
         self._learn(rate, max(rate, trust * RECENT_RATE), sees_covers=sees_covers)
 
     def stop(self) -> None:
@@ -321,15 +315,18 @@ class Contours:
         self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
         self._see(usual_rate)
 
-    def _fit_scale_and_angle(self, points: Float32Array, count: int, elapsed_s: float) -> None:
+    def _sight(self, points: Float32Array, count: int) -> Sight:
+        return Sight(points, count, self.pose, self.motion, BIAS_PX * self.direction)
+
+    def _fit_scale_and_angle(self, sight: Sight, elapsed_s: float) -> None:
         if self.config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            misfit = (1 - self._cells.covered) * self._misfit(points, count, SCALE, SCALE_STEP)
+            misfit = (1 - self._cells.covered) * self._misfits.misfit(SCALE, sight, self._maps, self._norms)
             self._growing.learn(misfit, elapsed_s)
             self.pose[SCALE] *= math.exp(self.config.scale_gain * misfit)
             self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)
         if self.config.angle_gain > 0:
-            misfit = self._misfit(points, count, ANGLE, min(ANGLE_STEP_CELLS / self._arm_cells, ANGLE_STEP_MAX))
+            misfit = self._misfits.misfit(ANGLE, sight, self._maps, self._norms)
             if self._turning.learn(misfit, elapsed_s):
                 self.pose[ANGLE] += self.config.angle_gain * misfit
 
@@ -367,21 +364,6 @@ class Contours:
         """Scale and angle after a time, if growing and turning go on."""
         scale = self.pose[SCALE] * math.exp(self._growing.per_s * since_s)
         return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
-
-    def _misfit(self, points: Float32Array, count: int, part: int, step: float) -> float:
-        """By how much another scale (its logarithm) or angle (rad) fits the points better, at most half a step."""
-        pose, values = self.pose.copy(), []
-        velocity, motion = self.motion, BIAS_PX * self.direction
-        for number in (-1, 0, 1):
-            pose[part] = self.pose[part] * (1 + number * step) if part == SCALE else self.pose[part] + number * step
-            score = score_at(
-                points, count, self._maps, self._norms, pose, self.cell_px, velocity, motion, self.config.ridge_weight,
-                False,
-            )[0]  # fmt: skip
-            # A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
-            values.append(score / pose[SCALE])
-        left, middle, right = values
-        return step * parabola(left, middle, right, STIFFNESS * abs(middle))
 
     def _score(
         self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool

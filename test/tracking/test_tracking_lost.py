@@ -59,7 +59,8 @@ def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
 
     def noted(self, *args, **kwargs):
         fail(self, *args, **kwargs)
-        states.append(self.state)
+        if self.name == "irregular_1":  # the first target; what the other one follows may leave
+            states.append(self.state)
 
     monkeypatch.setattr(ContourTarget, "_fail", noted)
     found = mean_overlap("panel", (2,))
