@@ -26,7 +26,7 @@ STIFFNESS = 0.03
 """A change of scale or angle that changes the score by less than this share of it is hardly taken on: a ball has no
 angle."""
 PREFERENCE_LOOKS, PREFERENCE_RATE = 3, 0.25
-"""What the score prefers hardly changes: it is learnt from every so manieth look, and so fast."""
+"""What the score prefers hardly changes: it is learnt from one look in so many, and so fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Sight:
 
     Attributes:
         points, count: as `TimeSurface.points` returns them.
-        pose: of the model.
+        pose: of the model; parts of it change as they are fitted.
         velocity: a motion, pixels/s, rad/s and 1/s.
         motion: what polarities are predicted by (pixels).
     """

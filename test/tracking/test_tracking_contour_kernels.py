@@ -17,6 +17,7 @@ from etd_ros.tracking.contour_kernels import (
     measure_norms,
     parabola,
     score_at,
+    scores_beside,
     search,
 )
 
@@ -176,3 +177,19 @@ def test_norms_are_the_products_of_the_gradients_along_the_parts_of_a_motion(map
 def test_a_parabola_that_hardly_bends_stays_near_the_middle(top, steepness):
     values = [-steepness * (x - top) ** 2 for x in (-1, 0, 1)]
     assert 0 < parabola(*values, 2 * steepness) < 0.51 * parabola(*values)
+
+
+@pytest.mark.parametrize(
+    ("part", "less", "more"), [(2, (30, 40, 0.98, 0.1), (30, 40, 1.02, 0.1)), (3, (30, 40, 1, 0.08), (30, 40, 1, 0.12))]
+)
+def test_scores_beside_a_pose_are_those_of_the_poses_beside_it_over_their_scale(part, less, more):
+    points, pose = cross(30, 40), np.array([30.0, 40.0, 1.0, 0.1])
+    maps, norms = model_of(points, UPRIGHT, (1, 0, 0, 0))
+    motion = np.array([1.0, 0.0, 0.0, 0.0])
+    found = scores_beside(points, len(points), maps, norms, pose, part, 0.02, 1.0, STILL, motion, 0.5)
+    poses = [np.array(at, float) for at in (less, pose, more)]
+    expected = [
+        score_at(points, len(points), maps, norms, at, 1.0, STILL, motion, 0.5, False)[0] / at[2] for at in poses
+    ]
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert pose.tolist() == [30.0, 40.0, 1.0, 0.1]
