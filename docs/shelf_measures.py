@@ -3,7 +3,8 @@
     python docs/shelf_measures.py [FIRST LAST]     # seeds, 0 and 120 if none are given; a minute for 60 on two cores
 
 Pyramids, leaning books, mugs, towers, boxes and chess boards have few edges, many of them slanted, so that a look can
-hardly tell moving along them from growing. Labels are those of `evaluate --suite`.
+hardly tell moving along them from growing. Labels are those of `evaluate --suite`; some backgrounds are photographs
+(extra `simulate`).
 """
 
 from __future__ import annotations
@@ -12,31 +13,30 @@ import itertools
 import math
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from etd_ros.evaluation.suite import evaluate
 from etd_ros.events import Events
 from etd_ros.simulation import Scene, things
 from etd_ros.simulation.backgrounds import BACKGROUNDS
-from etd_ros.simulation.motion import Path
+from etd_ros.simulation.motion import FloatArray, Path
+from etd_ros.simulation.motions import Track
 from etd_ros.simulation.scene import Sprite
 from etd_ros.simulation.sensor import SensorConfig, simulate
 from etd_ros.simulation.textures import BRIGHT, DARK, smooth_noise
+from etd_ros.simulation.things import OVERSAMPLING, Thing, shrunk
 
-FloatArray = npt.NDArray[np.float64]
-Thing = tuple[FloatArray, FloatArray]
 Face = tuple[Sequence[tuple[float, float]], float]
 """Corners (parts of the width and height) and tone."""
 
 STREAM = 77
 WIDTH, HEIGHT, DURATION_S = 240, 180, 2.0
-FINER = 4
 
 
 def main() -> None:
@@ -65,11 +65,12 @@ class Shelf:
         return f"shelf-{self.seed}"
 
     def scene(self) -> Scene:
-        return self._made()[0]
+        return self._made[0]
 
     def events(self, scene: Scene, *, start_ns: int = 0) -> Iterator[Events]:
-        return simulate(scene, seed=self.seed, start_ns=start_ns, config=self._made()[1])
+        return simulate(scene, seed=self.seed, start_ns=start_ns, config=self._made[1])
 
+    @cached_property
     def _made(self) -> tuple[Scene, SensorConfig]:
         rng = np.random.default_rng([STREAM, self.seed])
         shift = _camera(rng)
@@ -87,10 +88,7 @@ class Shelf:
         return Scene(WIDTH, HEIGHT, DURATION_S, background, sprites, view=view), sensor
 
 
-Shift = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-
-def _camera(rng: np.random.Generator) -> Shift:
+def _camera(rng: np.random.Generator) -> Track:
     """How far the background has moved at times (s): to the side in most scenes, at a speed that hardly changes."""
     speed_px_s = rng.uniform(20, 70) * rng.choice([-1, 1])
     angle = 0.0 if rng.uniform() < 0.6 else rng.uniform(0, 2 * np.pi)
@@ -119,14 +117,14 @@ def _background(rng: np.random.Generator, way_x: float, way_y: float) -> FloatAr
     return np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7), DARK, BRIGHT)
 
 
-def _sprite(rng: np.random.Generator, number: int, nearness: float, shift: Shift) -> Sprite:
+def _sprite(rng: np.random.Generator, number: int, nearness: float, shift: Track) -> Sprite:
     kind = KINDS[int(rng.integers(len(KINDS)))]
     texture, opacity = kind(rng, round(float(np.exp(rng.uniform(np.log(22), np.log(95))))))
     seen_x, seen_y = (float(way[0]) for way in shift(np.array([rng.uniform(0, 0.8 * DURATION_S)])))
     x = rng.uniform(0.2, 0.8) * WIDTH + nearness * seen_x
     y = rng.uniform(0.25, 0.8) * HEIGHT + nearness * seen_y
     path = Path.of(lambda times: (np.full_like(times, x), np.full_like(times, y)), DURATION_S)
-    return Sprite(f"{kind.__name__}_{number}", np.clip(texture, DARK, BRIGHT), opacity, path, nearness=nearness)
+    return Sprite(f"{kind.__name__}_{number}", texture, opacity, path, nearness=nearness)
 
 
 def pyramid(rng: np.random.Generator, size: int) -> Thing:
@@ -163,15 +161,17 @@ def box(rng: np.random.Generator, size: int) -> Thing:
 def mug(rng: np.random.Generator, size: int) -> Thing:
     """Plain, round, with a handle."""
     width, body, tone = round(size * rng.uniform(0.95, 1.2)), rng.uniform(0.2, 0.35), rng.uniform(0.5, 0.95)
-    opacity = np.zeros((size * FINER, width * FINER))
-    start, middle = int(body * width * FINER), size * FINER // 2
-    thick = max(2, int(0.09 * width * FINER))
-    cv2.ellipse(opacity, (start, middle), (int(0.95 * start), int(0.28 * size * FINER)), 0, 0, 360, 1.0, thick)
-    cv2.rectangle(opacity, (start, int(0.04 * size * FINER)), (width * FINER, size * FINER), 1.0, cv2.FILLED)
+    opacity = np.zeros((size * OVERSAMPLING, width * OVERSAMPLING))
+    start, middle = int(body * width * OVERSAMPLING), size * OVERSAMPLING // 2
+    thick = max(2, int(0.09 * width * OVERSAMPLING))
+    cv2.ellipse(opacity, (start, middle), (int(0.95 * start), int(0.28 * size * OVERSAMPLING)), 0, 0, 360, 1.0, thick)
+    cv2.rectangle(
+        opacity, (start, int(0.04 * size * OVERSAMPLING)), (width * OVERSAMPLING, size * OVERSAMPLING), 1.0, cv2.FILLED
+    )
     shine = 1 - rng.uniform(0.1, 0.6) * np.abs(np.linspace(0, 1, width) - rng.uniform(0.3, 0.7))
     texture = np.repeat(tone * shine[None], size, axis=0)
     way = 1 if rng.uniform() < 0.5 else -1
-    return _cut(texture[:, ::way], _shrunk(opacity)[:, ::way])
+    return _cut(texture[:, ::way], shrunk(opacity)[:, ::way])
 
 
 def tower(rng: np.random.Generator, size: int) -> Thing:
@@ -210,13 +210,14 @@ KINDS = (
 def _solid(rng: np.random.Generator, height: int, width: int, faces: Sequence[Face], rough: float) -> Thing:
     """Faces, later ones over earlier ones, of a size (pixels)."""
     height = max(height, 8)
-    texture, opacity = np.full((height * FINER, width * FINER), 0.5), np.zeros((height * FINER, width * FINER))
+    opacity = np.zeros((height * OVERSAMPLING, width * OVERSAMPLING))
+    texture = np.full_like(opacity, 0.5)
     for corners, tone in faces:
-        points = np.array([(x * (width * FINER - 1), y * (height * FINER - 1)) for x, y in corners])
+        points = np.array([(x * (width * OVERSAMPLING - 1), y * (height * OVERSAMPLING - 1)) for x, y in corners])
         for picture, value in (texture, float(tone)), (opacity, 1.0):
             cv2.fillPoly(picture, [np.rint(points).astype(np.int32)], value)
     grain = 1 + rough * (smooth_noise(rng, height, width, grain=2.0) - 0.5)
-    return _cut(_shrunk(texture) * grain, _shrunk(opacity))
+    return _cut(shrunk(texture) * grain, shrunk(opacity))
 
 
 def _cut(texture: FloatArray, opacity: FloatArray) -> Thing:
@@ -224,11 +225,6 @@ def _cut(texture: FloatArray, opacity: FloatArray) -> Thing:
     rows, columns = np.nonzero(opacity > 0.5)
     inside = slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
     return np.clip(texture[inside], DARK, BRIGHT), np.ascontiguousarray(opacity[inside])
-
-
-def _shrunk(picture: FloatArray) -> FloatArray:
-    height, width = (extent // FINER for extent in picture.shape)
-    return np.asarray(picture.reshape(height, FINER, width, FINER).mean(axis=(1, 3)), np.float64)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def dartboard(rng: np.random.Generator, size: int) -> Thing:
     ring = np.floor(radius * rings)
     bright = (turn + ring) % 2
     surface = np.where(radius < 0.12, 0.9, np.where(radius > 0.88, 0.2, 0.25 + 0.55 * bright))
-    return _bounded(_shrunk(surface)), _smooth_disc(size)
+    return _bounded(shrunk(surface)), _smooth_disc(size)
 
 
 def car(rng: np.random.Generator, size: int) -> Thing:
@@ -66,7 +66,7 @@ def car(rng: np.random.Generator, size: int) -> Thing:
         cv2.circle(opacity, centre, radius, 1.0, cv2.FILLED)
         cv2.circle(surface, centre, radius, 0.18, cv2.FILLED)
         cv2.circle(surface, centre, radius // 2, 0.5, cv2.FILLED)
-    return _bounded(_shrunk(surface)), _shrunk(opacity)
+    return _bounded(shrunk(surface)), shrunk(opacity)
 
 
 def irregular(rng: np.random.Generator, size: int) -> Thing:
@@ -146,7 +146,7 @@ def _outline(rng: np.random.Generator, size: int) -> FloatArray:
     width, height = (-(-int(extent + 1) // OVERSAMPLING) for extent in points.max(axis=0))
     inside = np.zeros((height * OVERSAMPLING, width * OVERSAMPLING))
     cv2.fillPoly(inside, [np.rint(points).astype(np.int32)], 1.0)
-    return _shrunk(inside)
+    return shrunk(inside)
 
 
 def _disc_grid(size: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -157,11 +157,11 @@ def _disc_grid(size: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _smooth_disc(size: int) -> FloatArray:
     _, _, radius = _disc_grid(size * OVERSAMPLING)
-    return _shrunk((radius <= 1).astype(np.float64))
+    return shrunk((radius <= 1).astype(np.float64))
 
 
-def _shrunk(image: FloatArray) -> FloatArray:
-    """The mean of each square of OVERSAMPLING pixels."""
+def shrunk(image: FloatArray) -> FloatArray:
+    """A picture drawn OVERSAMPLING times as large, as it is to be: the mean of each square of so many pixels."""
     height, width = (extent // OVERSAMPLING for extent in image.shape)
     squares = image[: height * OVERSAMPLING, : width * OVERSAMPLING].reshape(height, OVERSAMPLING, width, OVERSAMPLING)
     return np.asarray(squares.mean(axis=(1, 3)), np.float64)

@@ -21,6 +21,8 @@ Float64Array = npt.NDArray[np.float64]
 
 ALONG_X, ALONG_Y, TURNING, GROWING = range(4)
 """Parts of a motion."""
+SCALE, ANGLE = 2, 3
+"""Parts of a pose that are fitted beside its place."""
 X, Y, AGE, POLARITY = range(4)
 """Columns of a point."""
 GRADIENT_X, GRADIENT_Y, RIDGE, WEIGHT, DENSITY = range(5)
@@ -195,8 +197,8 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
 def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
                   part: int, step: float, cell_px: float, velocity: Float64Array, motion: Float64Array,
                   ridge_weight: float) -> tuple[float, float, float]:  # fmt: skip
-    """Scores of a pose whose scale (`part` 2) is less by a step (of its logarithm, nearly), as it is and greater, or
-    its angle (`part` 3; rad).
+    """Scores of a pose whose scale (`part` SCALE) is less by a step (of its logarithm, nearly), as it is and greater,
+    or its angle (`part` ANGLE; rad).
 
     A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
     """
@@ -204,11 +206,11 @@ def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: F
     beside = pose.copy()
     for number in range(3):
         change = (number - 1) * step
-        beside[part] = pose[part] * (1 + change) if part == 2 else pose[part] + change
+        beside[part] = pose[part] * (1 + change) if part == SCALE else pose[part] + change
         score, _, _, _ = score_at(
             points, count, maps, norms, beside, cell_px, velocity, motion, ridge_weight, False
         )  # fmt: skip
-        scores[number] = score / beside[2]
+        scores[number] = score / beside[SCALE]
     return scores[0], scores[1], scores[2]
 
 

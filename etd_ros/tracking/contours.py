@@ -14,7 +14,9 @@ from etd_ros.tracking.cell_weights import OUTSIDE_FADES, WEIGHT_FADES, oval
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
+    ANGLE,
     MAPS,
+    SCALE,
     SUMS,
     WEIGHT,
     Float32Array,
@@ -23,7 +25,7 @@ from etd_ros.tracking.contour_kernels import (
     score_at,
     search,
 )
-from etd_ros.tracking.misfits import ANGLE, SCALE, Misfits, Sight
+from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from etd_ros.tracking.contour_drawing import learn
 from etd_ros.tracking.contour_kernels import (
+    ANGLE,
     MAPS,
+    SCALE,
     WEIGHT,
     Float32Array,
     Float64Array,
@@ -17,8 +19,6 @@ from etd_ros.tracking.contour_kernels import (
     scores_beside,
 )
 
-SCALE, ANGLE = 2, 3
-"""Parts of a pose."""
 SCALE_STEP = 0.04
 ANGLE_STEP_CELLS, ANGLE_STEP_MAX = 1.0, 0.3
 """An angle is tried that moves the model by so many cells, usually."""

@@ -8,7 +8,9 @@ from hypothesis.extra import numpy as arrays
 
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
+    ANGLE,
     MAPS,
+    SCALE,
     SUMS,
     WEIGHT,
     arm_cells,
@@ -180,7 +182,8 @@ def test_a_parabola_that_hardly_bends_stays_near_the_middle(top, steepness):
 
 
 @pytest.mark.parametrize(
-    ("part", "less", "more"), [(2, (30, 40, 0.98, 0.1), (30, 40, 1.02, 0.1)), (3, (30, 40, 1, 0.08), (30, 40, 1, 0.12))]
+    ("part", "less", "more"),
+    [(SCALE, (30, 40, 0.98, 0.1), (30, 40, 1.02, 0.1)), (ANGLE, (30, 40, 1, 0.08), (30, 40, 1, 0.12))],
 )
 def test_scores_beside_a_pose_are_those_of_the_poses_beside_it_over_their_scale(part, less, more):
     points, pose = cross(30, 40), np.array([30.0, 40.0, 1.0, 0.1])

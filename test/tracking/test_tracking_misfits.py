@@ -5,8 +5,8 @@ import pytest
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
-from etd_ros.tracking.contour_kernels import MAPS, WEIGHT, arm_cells, measure_norms
-from etd_ros.tracking.misfits import ANGLE, SCALE, Misfits, Sight
+from etd_ros.tracking.contour_kernels import ANGLE, MAPS, SCALE, WEIGHT, arm_cells, measure_norms
+from etd_ros.tracking.misfits import Misfits, Sight
 
 SIDE = 40
 WEIGHTS = oval(SIDE, SIDE, 30, 30, WEIGHT_FADES)
