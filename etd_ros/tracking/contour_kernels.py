@@ -29,8 +29,8 @@ GRADIENT_X, GRADIENT_Y, RIDGE, WEIGHT, DENSITY = range(5)
 """Maps of the model: what polarity motion along x and along y makes; where events are, less the mean; how much a cell
 counts; where events are."""
 MAPS = 5
-SUMS = 6
-"""What a place is judged by (`_sums`)."""
+SUMS, RIDGE_SUM = 6, 4
+"""What a place is judged by (`sums_at`); the first of them that go without polarity."""
 SUPPORT_FLOOR = 20.0
 """Added to the number of points under the model, so that few of them never look certain."""
 NORM_FLOOR = 0.1
@@ -94,48 +94,67 @@ def arm_cells(rows: int, columns: int) -> float:
     return 0.25 * (rows + columns)
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _moved(points: Float32Array, index: int, x: float, y: float, velocity: Float64Array) -> tuple[float, float]:
-    """Where a point is now, from x, y of the centre now (pixels): moved on by its age."""
-    age = points[index, AGE]
-    dx = points[index, X] + velocity[ALONG_X] * age - x
-    dy = points[index, Y] + velocity[ALONG_Y] * age - y
-    grown, turned = 1 + velocity[GROWING] * age, velocity[TURNING] * age
-    return grown * dx - turned * dy, grown * dy + turned * dx
+@njit(cache=True, nogil=True, fastmath=True)
+def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: float, cosine: float, sine: float,
+                    velocity: Float64Array, places: Float32Array) -> None:  # fmt: skip
+    """Where points are now, moved on by their age: cells from the model's middle, across and down, into `places`, shape
+    (2, points), of every `stride`-th one.
+
+    `x` and `y` are the model's middle (pixels); `cosine` and `sine` are those of its angle, over the pixels of a cell.
+    """
+    to_x, to_y, cos, sin = np.float32(x), np.float32(y), np.float32(cosine), np.float32(sine)
+    speed_x, speed_y = np.float32(velocity[ALONG_X]), np.float32(velocity[ALONG_Y])
+    turning, growing = np.float32(velocity[TURNING]), np.float32(velocity[GROWING])
+    for index in range(count):
+        point = points[index * stride]
+        age = point[AGE]
+        from_x, from_y = point[X] + speed_x * age - to_x, point[Y] + speed_y * age - to_y
+        grown, turned = np.float32(1) + growing * age, turning * age
+        dx, dy = grown * from_x - turned * from_y, grown * from_y + turned * from_x
+        places[0, index] = cos * dx + sin * dy
+        places[1, index] = cos * dy - sin * dx
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _sums(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
           velocity: Float64Array) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """What the model's maps hold under the points, moved on by their age: with polarity the gradients along x and y,
     and those that turning and growing move along; ridge; weight.
 
-    `cosine` and `sine` are those of the pose's angle, over the pixels of a cell.
+    The arguments are those of `_place_on_model`.
     """
     _, rows, columns = maps.shape
-    middle_column, middle_row = (columns - 1) / 2, (rows - 1) / 2
-    arm = arm_cells(rows, columns)
-    along_x = along_y = around = outward = ridge = support = 0.0
+    places = np.empty((2, count), np.float32)
+    _place_on_model(points, count, 1, x, y, cosine, sine, velocity, places)
+    middle_column, middle_row = np.float32((columns - 1) / 2), np.float32((rows - 1) / 2)
+    last_column, last_row = np.float32(columns - 1), np.float32(rows - 1)
+    one, next_ = np.float32(1), np.uintp(1)
+    gradient_x, gradient_y, ridges, weights = maps[GRADIENT_X], maps[GRADIENT_Y], maps[RIDGE], maps[WEIGHT]
+    along_x = along_y = around = outward = ridge = support = np.float32(0)
     for index in range(count):
-        dx, dy = _moved(points, index, x, y, velocity)
-        across, down = cosine * dx + sine * dy, cosine * dy - sine * dx
+        across, down = places[0, index], places[1, index]
         column, row = across + middle_column, down + middle_row
-        if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
+        if column < 0 or row < 0 or column >= last_column or row >= last_row:
             continue
-        c, r = int(column), int(row)
-        right, below = column - c, row - r
-        a, b = (1 - right) * (1 - below), right * (1 - below)
-        d, e = (1 - right) * below, right * below
+        # An unsigned index is not one that may count from the end: that would be asked for each of them.
+        c, r = np.uintp(column), np.uintp(row)
+        right, below = column - np.float32(c), row - np.float32(r)
+        d = right * below
+        b, e = right - d, below - d
+        a = one - right - e
+        c1, r1 = c + next_, r + next_
         polarity = points[index, POLARITY]
-        gx = polarity * (a * maps[0, r, c] + b * maps[0, r, c + 1] + d * maps[0, r + 1, c] + e * maps[0, r + 1, c + 1])
-        gy = polarity * (a * maps[1, r, c] + b * maps[1, r, c + 1] + d * maps[1, r + 1, c] + e * maps[1, r + 1, c + 1])
+        gx = a * gradient_x[r, c] + b * gradient_x[r, c1] + e * gradient_x[r1, c] + d * gradient_x[r1, c1]
+        gy = a * gradient_y[r, c] + b * gradient_y[r, c1] + e * gradient_y[r1, c] + d * gradient_y[r1, c1]
+        gx, gy = polarity * gx, polarity * gy
         along_x += gx
         along_y += gy
         around += gy * across - gx * down
         outward += gx * across + gy * down
-        ridge += a * maps[2, r, c] + b * maps[2, r, c + 1] + d * maps[2, r + 1, c] + e * maps[2, r + 1, c + 1]
-        support += maps[3, r, c]
-    return along_x, along_y, around / arm, outward / arm, ridge, support
+        ridge += a * ridges[r, c] + b * ridges[r, c1] + e * ridges[r1, c] + d * ridges[r1, c1]
+        support += weights[r, c]
+    arm = arm_cells(rows, columns)
+    return float(along_x), float(along_y), float(around / arm), float(outward / arm), float(ridge), float(support)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -187,7 +206,7 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
     """(score, points under the model, x and y of the motion that fits best) of one pose."""
     size = 1 / (cell_px * pose[2])
     cos, sin = np.cos(pose[3]), np.sin(pose[3])
-    sums = _sums(points, count, maps, pose[0], pose[1], cos * size, sin * size, velocity)
+    sums = sums_at(points, count, maps, pose[0], pose[1], cos * size, sin * size, velocity)
     score = _score(sums, norms, cos, sin, 0.0, 0.0, motion, ridge_weight, any_motion)
     x, y = best_motion(sums, norms)
     return score, sums[5], cos * x - sin * y, cos * y + sin * x
@@ -215,73 +234,111 @@ def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: F
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
-                  velocity: Float64Array, step_px: float, sums: Float64Array) -> None:  # fmt: skip
-    """`_sums` for every place of a square grid round x, y, with the cell nearest to each point, and of so many points
-    only as find the place: `sums`, shape (2r + 1, 2r + 1, 6)."""
+def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
+    """What each cell adds to the six sums, side by side, into `cells`, shape (rows, columns * SUMS)."""
     _, rows, columns = maps.shape
-    side = sums.shape[0]
-    radius = side // 2
     arm = arm_cells(rows, columns)
-    table = np.empty((rows, columns, 6), np.float32)
     for row in range(rows):
+        down = np.float32((row - (rows - 1) / 2) / arm)
         for column in range(columns):
-            across, down = (column - (columns - 1) / 2) / arm, (row - (rows - 1) / 2) / arm
-            gx, gy = np.float64(maps[GRADIENT_X, row, column]), np.float64(maps[GRADIENT_Y, row, column])
-            table[row, column, 0], table[row, column, 1] = gx, gy
-            table[row, column, 2], table[row, column, 3] = gy * across - gx * down, gx * across + gy * down
-            table[row, column, 4], table[row, column, 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
-    sums[:] = 0
-    for index in range(0, count, 1 + count // POINTS_SEARCHED):
-        dx, dy = _moved(points, index, x, y, velocity)
-        polarity = points[index, POLARITY]
-        for j in range(side):
-            for i in range(side):
-                across, down = dx - (i - radius) * step_px, dy - (j - radius) * step_px
-                column = int(cosine * across + sine * down + columns / 2)
-                row = int(cosine * down - sine * across + rows / 2)
-                if 0 <= column < columns and 0 <= row < rows:
-                    at, sum_of = table[row, column], sums[j, i]
-                    sum_of[0] += polarity * at[0]
-                    sum_of[1] += polarity * at[1]
-                    sum_of[2] += polarity * at[2]
-                    sum_of[3] += polarity * at[3]
-                    sum_of[4] += at[4]
-                    sum_of[5] += at[5]
+            across = np.float32((column - (columns - 1) / 2) / arm)
+            gx, gy = maps[GRADIENT_X, row, column], maps[GRADIENT_Y, row, column]
+            at = column * SUMS
+            cells[row, at], cells[row, at + 1] = gx, gy
+            cells[row, at + 2], cells[row, at + 3] = gy * across - gx * down, gx * across + gy * down
+            cells[row, at + 4], cells[row, at + 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+                  velocity: Float64Array, radius: int) -> Float32Array:  # fmt: skip
+    """`sums_at` with the model's middle moved by up to `radius` of its cells up, down, left and right, with the cell
+    nearest to each point, and of so many points only as find the place.
+
+    Moved by whole cells, the cells under a point lie side by side, whatever the model's angle.
+
+    Returns:
+        shape (2r + 1, 2r + 1, 6): the model is moved down and right most in the first row and column, where a point
+        lies over the cell that is farthest up and left.
+    """
+    _, rows, columns = maps.shape
+    cells = np.empty((rows, columns * SUMS), np.float32)
+    _summed_parts(maps, cells)
+    side = 2 * radius + 1
+    sums = np.zeros((2, side, side * SUMS), np.float32)
+    stride = 1 + count // POINTS_SEARCHED
+    number = (count + stride - 1) // stride
+    places = np.empty((2, number), np.float32)
+    _place_on_model(points, number, stride, x, y, cosine, sine, velocity, places)
+    for index in range(number):
+        column = int(np.floor(places[0, index] + columns / 2))
+        row = int(np.floor(places[1, index] + rows / 2))
+        left, right = max(column - radius, 0), min(column + radius + 1, columns)
+        top, bottom = max(row - radius, 0), min(row + radius + 1, rows)
+        if left >= right:
+            continue
+        sign = 0 if points[index * stride, POLARITY] > 0 else 1
+        into_at, from_at = np.uintp((left - column + radius) * SUMS), np.uintp(left * SUMS)
+        for at in range(top, bottom):
+            into, from_ = sums[sign, np.uintp(at - row + radius)], cells[np.uintp(at)]
+            for part in range(np.uintp((right - left) * SUMS)):
+                into[into_at + part] += from_[from_at + part]
+    on: Float32Array = sums[0].reshape((side, side, SUMS))
+    off = sums[1].reshape((side, side, SUMS))
+    on[:, :, :RIDGE_SUM] -= off[:, :, :RIDGE_SUM]
+    on[:, :, RIDGE_SUM:] += off[:, :, RIDGE_SUM:]
+    return on
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
+                  cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
+                  any_motion: bool, radius_px: float) -> tuple[float, float]:  # fmt: skip
+    """The best place on a grid of the model's cells round a pose; the arguments are those of `search`."""
+    size_px = cell_px * pose[SCALE]
+    cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
+    radius = max(1, int(radius_px / size_px + 0.5))
+    sums = sums_on_grid(points, count, maps, pose[0], pose[1], cos / size_px, sin / size_px, velocity, radius)
+    side = 2 * radius + 1
+    scores = np.empty((side, side))
+    best = -np.inf
+    for j in range(side):
+        for i in range(side):
+            across, down = (radius - i) * size_px, (radius - j) * size_px
+            at = sums[j, i]
+            found = (at[0], at[1], at[2], at[3], at[4], at[5])
+            motion_x = pose[0] + cos * across - sin * down - before[0]
+            motion_y = pose[1] + cos * down + sin * across - before[1]
+            scores[j, i] = _score(found, norms, cos, sin, motion_x, motion_y, bias, ridge_weight, any_motion)
+            best = max(best, scores[j, i])
+    top, best_across, best_down = -np.inf, 0.0, 0.0
+    for j in range(side):
+        for i in range(side):
+            across, down = (radius - i) * size_px, (radius - j) * size_px
+            far = (across * across + down * down) / (2 * (0.8 * radius_px) ** 2)
+            score = scores[j, i] - PRIOR_WEIGHT * abs(best) * far
+            if score > top:
+                top, best_across, best_down = score, across, down
+    return pose[0] + cos * best_across - sin * best_down, pose[1] + cos * best_down + sin * best_across
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
            cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
-           any_motion: bool, step_px: float, sums: Float64Array) -> tuple[float, float]:  # fmt: skip
-    """The best place on a square grid round a pose, then between its points by parabolas.
+           any_motion: bool, radius_px: float) -> tuple[float, float]:  # fmt: skip
+    """The best place on a square grid round a pose, as far as `radius_px`, then between its points: uphill by
+    pixels, and to the top of parabolas.
 
     `bias` is the motion that is added to the one from `before`, x, y of the target at its last look, to a place, for
-    the polarity it predicts. `sums`, float64 of shape (2r + 1, 2r + 1, 6), is room for the grid.
+    the polarity it predicts.
     Returns x, y of the best place (pixels).
     """
-    side = sums.shape[0]
-    radius = side // 2
-    size = 1 / (cell_px * pose[2])
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    size = 1 / (cell_px * pose[SCALE])
+    cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
     cosine, sine = cos * size, sin * size
-    _sums_on_grid(points, count, maps, pose[0], pose[1], cosine, sine, velocity, step_px, sums)
-    best = -np.inf
-    for j in range(side):
-        for i in range(side):
-            found = (sums[j, i, 0], sums[j, i, 1], sums[j, i, 2], sums[j, i, 3], sums[j, i, 4], sums[j, i, 5])
-            motion_x = pose[0] + (i - radius) * step_px - before[0]
-            motion_y = pose[1] + (j - radius) * step_px - before[1]
-            sums[j, i, 0] = _score(found, norms, cos, sin, motion_x, motion_y, bias, ridge_weight, any_motion)
-            best = max(best, sums[j, i, 0])
-    top, best_i, best_j = -np.inf, radius, radius
-    for j in range(side):
-        for i in range(side):
-            far = ((i - radius) ** 2 + (j - radius) ** 2) / max(1.0, (0.8 * radius) ** 2 * 2)
-            score = sums[j, i, 0] - PRIOR_WEIGHT * abs(best) * far
-            if score > top:
-                top, best_i, best_j = score, i, j
-    x, y = pose[0] + (best_i - radius) * step_px, pose[1] + (best_j - radius) * step_px
+    x, y = _best_on_grid(
+        points, count, maps, norms, pose, cell_px, velocity, bias, before, ridge_weight, any_motion, radius_px
+    )  # fmt: skip
     around = np.empty((2, 3))
     for _ in range(CLIMBS):
         for axis in range(2):
@@ -289,18 +346,18 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
                 if axis == 1 and number == 1:
                     around[1, 1] = around[0, 1]
                     continue
-                offset = (number - 1) * step_px
+                offset = number - 1
                 at_x, at_y = (x + offset, y) if axis == 0 else (x, y + offset)
-                found = _sums(points, count, maps, at_x, at_y, cosine, sine, velocity)
+                found = sums_at(points, count, maps, at_x, at_y, cosine, sine, velocity)
                 around[axis, number] = _score(
                     found, norms, cos, sin, at_x - before[0], at_y - before[1], bias, ridge_weight, any_motion
                 )
         uphill_x, uphill_y = np.argmax(around[0]) - 1, np.argmax(around[1]) - 1
         if uphill_x == 0 and uphill_y == 0:
             break
-        x, y = x + uphill_x * step_px, y + uphill_y * step_px
-    x += step_px * parabola(around[0, 0], around[0, 1], around[0, 2])
-    y += step_px * parabola(around[1, 0], around[1, 1], around[1, 2])
+        x, y = x + uphill_x, y + uphill_y
+    x += parabola(around[0, 0], around[0, 1], around[0, 2])
+    y += parabola(around[1, 0], around[1, 1], around[1, 2])
     return x, y
 
 

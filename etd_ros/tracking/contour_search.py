@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from etd_ros.tracking.contour_kernels import SUMS, Float64Array
+from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours, Look
 from etd_ros.tracking.expected_place import (
     AGREEING_LOOKS,
@@ -28,8 +28,6 @@ FOUND_LOOKS = 2
 HERE_PX = 6.0
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
-STEP_PX = 2.0
-"""Distance of the places in the first, wide look: what is finely textured agrees with itself within some two pixels."""
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
 GROWTH_SHARE = 0.5
 """The region grows by at least so much of the target's usual speed: it may have turned."""
@@ -253,9 +251,7 @@ class ContourSearch:
         contours, places = self._contours, self._places()
         self._looked_round_ns = self._surface.stamp_ns
         place = places[self._turn % len(places)]
-        side = 2 * int(self._radius_px(place) / STEP_PX) + 1
-        coarse = contours.look_at(self._surface, place.x, place.y, np.zeros((side, side, SUMS)), STEP_PX)
-        look = contours.look_at(self._surface, coarse.x, coarse.y, np.zeros((7, 7, SUMS)), 1.0)
+        look = contours.look_at(self._surface, place.x, place.y, self._radius_px(place))
         return _WideLook(look, place, float(np.hypot(look.x - place.x, look.y - place.y)) < HERE_PX)
 
     def _begin(self, wide: _WideLook) -> Look:
@@ -272,9 +268,8 @@ class ContourSearch:
         self._contours.velocity[:] = last.velocity
         x, y = last.predicted(stamp_ns).tolist()
         sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
-        radius = int(NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9)
-        radius = min(radius, int(RADIUS_MAX_PX))
-        look = self._contours.look_at(self._surface, x, y, np.zeros((2 * radius + 1, 2 * radius + 1, SUMS)), 1.0)
+        radius_px = NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9
+        look = self._contours.look_at(self._surface, x, y, min(radius_px, RADIUS_MAX_PX))
         confidence = self._usual.confidence_of_lost(look)
         if confidence >= self._wanted or stamp_ns - self._looked_round_ns < SEARCH_NS:
             return look

@@ -17,7 +17,6 @@ from etd_ros.tracking.contour_kernels import (
     ANGLE,
     MAPS,
     SCALE,
-    SUMS,
     WEIGHT,
     Float32Array,
     Float64Array,
@@ -124,9 +123,6 @@ class Contours:
         self._looks = 0
         self._events_per_px: float | None = None
         self._events_waiting = 0
-        side = 2 * config.search_radius + 1
-        self._sums = np.zeros((side, side, SUMS))
-        self._wide_sums = np.zeros((2 * side - 1, 2 * side - 1, SUMS))
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
@@ -200,37 +196,35 @@ class Contours:
             any_motion: the target may have turned or sped up: polarities count for the direction that fits them best,
                 and places twice as far away are looked at.
         """
-        sums = self._wide_sums if any_motion else self._sums
-        return self.look_at(surface, *self.predicted(surface.stamp_ns), sums, 1.0, any_motion)
+        radius_px = self.config.search_radius * (2 if any_motion else 1)
+        return self.look_at(surface, *self.predicted(surface.stamp_ns), radius_px, any_motion=any_motion)
 
     def look_at(
         self,
         surface: TimeSurface,
         x: float,
         y: float,
-        sums: Float64Array,
-        step_px: float,
+        radius_px: float,
         any_motion: bool = True,
     ) -> Look:
-        """Fit the model to the newest events on a square grid of places round one (pixels).
+        """Fit the model to the newest events round a place (pixels).
 
         Args:
             surface: the events.
             x: the column in the middle (pixels).
             y: the row in the middle (pixels).
-            sums: float64, shape (2r + 1, 2r + 1, SUMS), room for the places' scores.
-            step_px: distance of the places (pixels).
+            radius_px: how far from it (pixels).
             any_motion: as for `look`.
         """
         config = self.config
         box = self.box_at(x, y).scaled(MARGIN)
-        margin = sums.shape[0] // 2 * step_px + BORDER_CELLS
+        margin = radius_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
         pose = np.array([x, y, *self._changed(self._since_s(surface.stamp_ns))])
         pose[0], pose[1] = search(
             points, count, self._maps, self._norms, pose, self.cell_px, self.motion, BIAS_PX * self.direction,
-            self.pose, config.ridge_weight, any_motion, step_px, sums,
+            self.pose, config.ridge_weight, any_motion, radius_px,
         )  # fmt: skip
         score, events, *direction = self._score(points, count, pose, any_motion)
         motion = float(np.clip(self.speed_px_s * span_s / config.window_px, MOTION_MIN, 1.0))

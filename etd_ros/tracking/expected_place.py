@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from etd_ros.tracking.contour_kernels import SUMS
 from etd_ros.tracking.contours import Contours, Look
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
@@ -57,8 +54,8 @@ class ExpectedPlace:
         self._looked_ns = stamp_ns
         x, y = self._contours.pose[:2].tolist()
         off_x, off_y = self._offsets[-1] if self._offsets else (0.0, 0.0)
-        side = 2 * (NEXT_RADIUS_PX if self._offsets else RADIUS_PX) + 1
-        look = self._contours.look_at(self._surface, x + off_x, y + off_y, np.zeros((side, side, SUMS)), 1.0)
+        radius_px = NEXT_RADIUS_PX if self._offsets else RADIUS_PX
+        look = self._contours.look_at(self._surface, x + off_x, y + off_y, radius_px)
         if not self._agrees(look, look.x - x, look.y - y):
             self._offsets = []
             return None

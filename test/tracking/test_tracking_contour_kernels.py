@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.ndimage import map_coordinates
 
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
     ANGLE,
     MAPS,
     SCALE,
-    SUMS,
     WEIGHT,
     arm_cells,
     gather,
@@ -21,6 +21,8 @@ from etd_ros.tracking.contour_kernels import (
     score_at,
     scores_beside,
     search,
+    sums_at,
+    sums_on_grid,
 )
 
 ROWS, COLUMNS = 20, 24
@@ -92,14 +94,82 @@ def test_what_has_no_top_is_left_in_the_middle():
     assert parabola(2.0, 1.0, 2.0) == 0
 
 
+def cells_under(points, x, y, angle_rad, cell_px, motion):
+    """Columns and rows of the model's cells under points, moved on by their age."""
+    age = points[:, 2].astype(float)
+    grown, turned = 1 + motion[3] * age, motion[2] * age
+    off = [points[:, 0] + motion[0] * age - x, points[:, 1] + motion[1] * age - y]
+    dx, dy = grown * off[0] - turned * off[1], grown * off[1] + turned * off[0]
+    cos, sin = np.cos(angle_rad) / cell_px, np.sin(angle_rad) / cell_px
+    return cos * dx + sin * dy + (COLUMNS - 1) / 2, cos * dy - sin * dx + (ROWS - 1) / 2
+
+
+def summed(values, columns, rows, polarities):
+    """The six sums of what points find, their gradients along x and y and the ridge and weight, shape (4, points)."""
+    arm = arm_cells(ROWS, COLUMNS)
+    across, down = (columns - (COLUMNS - 1) / 2) / arm, (rows - (ROWS - 1) / 2) / arm
+    gx, gy = polarities * values[0], polarities * values[1]
+    parts = gx, gy, gy * across - gx * down, gx * across + gy * down, values[2], values[3]
+    return np.array([part.sum() for part in parts])
+
+
+anything = arrays.arrays(np.float32, (MAPS, ROWS, COLUMNS), elements=st.floats(-2, 2, width=32))
+of_any_motion = {
+    "seed": st.integers(0, 1000),
+    "angle": st.floats(-3, 3),
+    "cell_px": st.floats(0.3, 4),
+    "motion": st.tuples(*[st.floats(-20, 20)] * 2, *[st.floats(-1, 1)] * 2),
+}
+
+
+def scattered(seed, number=60):
+    rng = np.random.default_rng(seed)
+    polarities = rng.choice([-1.0, 1.0], number)
+    return np.column_stack([rng.uniform(0, 60, (number, 2)), rng.uniform(0, 0.1, number), polarities]).astype("f4")
+
+
+def not_between(border, points, angle, cell_px, motion):
+    """The points that are of one cell even where numbers are rounded."""
+    offs = [np.abs((at - border) - np.rint(at - border)) for at in cells_under(points, 30, 40, angle, cell_px, motion)]
+    return points[np.minimum(*offs) > 1e-3]
+
+
+@settings(deadline=None, max_examples=50)
+@given(maps=anything, **of_any_motion)
+def test_sums_at_a_place_are_of_what_lies_between_the_cells_under_the_points(maps, seed, angle, cell_px, motion):
+    points = not_between(0.0, scattered(seed), angle, cell_px, motion)
+    columns, rows = cells_under(points, 30, 40, angle, cell_px, motion)
+    inside = (columns >= 0) & (rows >= 0) & (columns < COLUMNS - 1) & (rows < ROWS - 1)
+    columns, rows, polarities = columns[inside], rows[inside], points[inside, 3]
+    values = np.array([map_coordinates(layer, [rows, columns], order=1) for layer in maps[:4]])
+    values[3] = maps[3, rows.astype(int), columns.astype(int)]
+    cosine, sine = np.cos(angle) / cell_px, np.sin(angle) / cell_px
+    found = sums_at(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion))
+    np.testing.assert_allclose(found, summed(values, columns, rows, polarities), atol=2e-2)
+
+
+@settings(deadline=None, max_examples=50)
+@given(maps=anything, radius=st.integers(1, 12), **of_any_motion)
+def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(maps, radius, seed, angle, cell_px, motion):
+    points = not_between(0.5, scattered(seed), angle, cell_px, motion)
+    columns, rows = (np.floor(at + 0.5) for at in cells_under(points, 30, 40, angle, cell_px, motion))
+    cosine, sine = np.cos(angle) / cell_px, np.sin(angle) / cell_px
+    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion), radius)
+    for j, down in enumerate(range(radius, -radius - 1, -1)):
+        for i, right in enumerate(range(radius, -radius - 1, -1)):
+            c, r = columns - right, rows - down
+            inside = (c >= 0) & (r >= 0) & (c < COLUMNS) & (r < ROWS)
+            c, r = c[inside].astype(int), r[inside].astype(int)
+            np.testing.assert_allclose(found[j, i], summed(maps[:4, r, c], c, r, points[inside, 3]), atol=1e-3)
+
+
 @settings(deadline=None)
 @given(dx=st.floats(-3.4, 3.4), dy=st.floats(-3.4, 3.4))
 def test_a_shape_is_found_where_it_went_between_pixels(dx, dy):
     maps, norms = model_of(cross(30.0, 40.0), UPRIGHT, (1, 0, 0, 0))
     points = cross(30 + dx, 40 + dy)
     found = search(
-        points, len(points), maps, norms, UPRIGHT, 1.0, STILL, np.array([4.0, 0.0, 0.0, 0.0]), UPRIGHT, 0.5, False, 1.0,
-        np.zeros((9, 9, SUMS)),
+        points, len(points), maps, norms, UPRIGHT, 1.0, STILL, np.array([4.0, 0.0, 0.0, 0.0]), UPRIGHT, 0.5, False, 4.0
     )  # fmt: skip
     np.testing.assert_allclose(found, [30 + dx, 40 + dy], atol=0.7)
 
