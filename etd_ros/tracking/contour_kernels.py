@@ -235,34 +235,37 @@ def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: F
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
-    """What each cell adds to the six sums, side by side, into `cells`, shape (rows, columns * SUMS)."""
+    """What each cell adds to the six sums, side by side with that of every `apart`-th cell beside it, into `cells`,
+    shape (apart, rows, ceil(columns / apart) * SUMS)."""
     _, rows, columns = maps.shape
+    apart = cells.shape[0]
     arm = arm_cells(rows, columns)
     for row in range(rows):
         down = np.float32((row - (rows - 1) / 2) / arm)
         for column in range(columns):
             across = np.float32((column - (columns - 1) / 2) / arm)
             gx, gy = maps[GRADIENT_X, row, column], maps[GRADIENT_Y, row, column]
-            at = column * SUMS
-            cells[row, at], cells[row, at + 1] = gx, gy
-            cells[row, at + 2], cells[row, at + 3] = gy * across - gx * down, gx * across + gy * down
-            cells[row, at + 4], cells[row, at + 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
+            line, at = cells[column % apart, row], column // apart * SUMS
+            line[at], line[at + 1] = gx, gy
+            line[at + 2], line[at + 3] = gy * across - gx * down, gx * across + gy * down
+            line[at + 4], line[at + 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
-                  velocity: Float64Array, radius: int) -> Float32Array:  # fmt: skip
-    """`sums_at` with the model's middle moved by up to `radius` of its cells up, down, left and right, with the cell
-    nearest to each point, and of so many points only as find the place.
+                 velocity: Float64Array, radius: int, apart: int) -> Float32Array:  # fmt: skip
+    """`sums_at` with the model's middle moved up to `radius` times by `apart` of its cells up, down, left and right,
+    with the cell nearest to each point, and of so many points only as find the place.
 
-    Moved by whole cells, the cells under a point lie side by side, whatever the model's angle.
+    Moved by whole cells, what a point finds lies side by side in memory, whatever the model's angle.
 
     Returns:
         shape (2r + 1, 2r + 1, 6): the model is moved down and right most in the first row and column, where a point
         lies over the cell that is farthest up and left.
     """
     _, rows, columns = maps.shape
-    cells = np.empty((rows, columns * SUMS), np.float32)
+    groups = (columns + apart - 1) // apart
+    cells = np.zeros((apart, rows, groups * SUMS), np.float32)
     _summed_parts(maps, cells)
     side = 2 * radius + 1
     sums = np.zeros((2, side, side * SUMS), np.float32)
@@ -273,14 +276,16 @@ def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float,
     for index in range(number):
         column = int(np.floor(places[0, index] + columns / 2))
         row = int(np.floor(places[1, index] + rows / 2))
-        left, right = max(column - radius, 0), min(column + radius + 1, columns)
-        top, bottom = max(row - radius, 0), min(row + radius + 1, rows)
+        group = column // apart
+        left, right = max(group - radius, 0), min(group + radius + 1, groups)
+        up, down = max(-radius, -(row // apart)), min(radius, (rows - 1 - row) // apart)
         if left >= right:
             continue
         sign = 0 if points[index * stride, POLARITY] > 0 else 1
-        into_at, from_at = np.uintp((left - column + radius) * SUMS), np.uintp(left * SUMS)
-        for at in range(top, bottom):
-            into, from_ = sums[sign, np.uintp(at - row + radius)], cells[np.uintp(at)]
+        into_at, from_at = np.uintp((left - group + radius) * SUMS), np.uintp(left * SUMS)
+        for steps in range(up, down + 1):
+            into = sums[sign, np.uintp(steps + radius)]
+            from_ = cells[np.uintp(column % apart), np.uintp(row + steps * apart)]
             for part in range(np.uintp((right - left) * SUMS)):
                 into[into_at + part] += from_[from_at + part]
     on: Float32Array = sums[0].reshape((side, side, SUMS))
@@ -294,17 +299,20 @@ def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float,
 def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
                   cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
                   any_motion: bool, radius_px: float) -> tuple[float, float]:  # fmt: skip
-    """The best place on a grid of the model's cells round a pose; the arguments are those of `search`."""
+    """The best place on a grid round a pose, of every cell of the model, or of some that are a pixel apart; the
+    arguments are those of `search`."""
     size_px = cell_px * pose[SCALE]
     cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
-    radius = max(1, int(radius_px / size_px + 0.5))
-    sums = sums_on_grid(points, count, maps, pose[0], pose[1], cos / size_px, sin / size_px, velocity, radius)
+    apart = max(1, int(1 / size_px + 0.5))
+    step_px = apart * size_px
+    radius = max(1, int(radius_px / step_px + 0.5))
+    sums = sums_on_grid(points, count, maps, pose[0], pose[1], cos / size_px, sin / size_px, velocity, radius, apart)
     side = 2 * radius + 1
     scores = np.empty((side, side))
     best = -np.inf
     for j in range(side):
         for i in range(side):
-            across, down = (radius - i) * size_px, (radius - j) * size_px
+            across, down = (radius - i) * step_px, (radius - j) * step_px
             at = sums[j, i]
             found = (at[0], at[1], at[2], at[3], at[4], at[5])
             motion_x = pose[0] + cos * across - sin * down - before[0]
@@ -314,7 +322,7 @@ def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: F
     top, best_across, best_down = -np.inf, 0.0, 0.0
     for j in range(side):
         for i in range(side):
-            across, down = (radius - i) * size_px, (radius - j) * size_px
+            across, down = (radius - i) * step_px, (radius - j) * step_px
             far = (across * across + down * down) / (2 * (0.8 * radius_px) ** 2)
             score = scores[j, i] - PRIOR_WEIGHT * abs(best) * far
             if score > top:

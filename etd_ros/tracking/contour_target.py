@@ -12,8 +12,6 @@ import math
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
-
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
 from etd_ros.tracking.contour_config import ContourConfig
@@ -225,11 +223,11 @@ class ContourTarget:
                 contours.turn(look.direction)
         strays = self._doubt_if_it_strays(look, stamp_ns, elapsed_s)
         self._note_if_sure(elapsed_s)
-        doubt = float(np.clip((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0, 1))
+        doubt = min(max((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0.0), 1.0)
         if doubt > 0:
             self._doubt(elapsed_s * doubt)
         trust = 1.0 - doubt
-        jump_px = float(np.hypot(look.x - x, look.y - y))
+        jump_px = math.hypot(look.x - x, look.y - y)
         if strays and doubt > 0:
             contours.go_on_at(self._steady.velocity, doubt * min(1.0, elapsed_s / STEADYING_S))
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
@@ -258,7 +256,7 @@ class ContourTarget:
         unsure_s = (stamp_ns - contours.stamp_ns) * 1e-9 + self._failing_s
         speed_px_s = max(contours.speed_px_s, self._usual_speed_px_s)
         could_px = self._jump_max_px + JUMP_SPEEDS * speed_px_s * unsure_s
-        return could_px / max(could_px, float(np.hypot(look.x - x, look.y - y)))
+        return could_px / max(could_px, math.hypot(look.x - x, look.y - y))
 
     def _doubt_if_it_strays(self, look: Look, stamp_ns: int, elapsed_s: float) -> bool:
         """Doubt a look that finds the target changed where following it would change how the target usually moves:
@@ -290,7 +288,7 @@ class ContourTarget:
             return
         velocity = self._contours.velocity.copy()
         if self._sure is not None:
-            velocity = self._sure.velocity + (1 - np.exp(-elapsed_s / SURE_S)) * (velocity - self._sure.velocity)
+            velocity = self._sure.velocity + (1 - math.exp(-elapsed_s / SURE_S)) * (velocity - self._sure.velocity)
         self._sure = replace(Standing.of(self._contours), velocity=velocity)
         self._contours.keep_memories()
 
@@ -305,7 +303,7 @@ class ContourTarget:
             self._fail(stamp_ns)
             self._held = contours.box
             return
-        contours.velocity *= np.exp(-elapsed_s / STILL_S)
+        contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns
         if self._quiet_s > LEAVING_S or self._has_failed():
             self._fail(stamp_ns)

@@ -143,21 +143,20 @@ class Contours:
     @property
     def speed_px_s(self) -> float:
         """How fast the target moves (pixels/s)."""
-        return float(np.hypot(*self.velocity))
+        return math.hypot(*self.velocity.tolist())
 
     @property
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
-        direction = self._turned_direction()
-        others = direction[2:]
-        return float(self._known_along(direction[:2]) + others @ others)
+        x, y, turning, growing = self.direction.tolist()
+        return self._known_along(*self._turned(x, y)) + turning**2 + growing**2
 
     def known_along(self, direction: tuple[float, float]) -> float:
         """The same for a target that moves in a direction (x, y of any length) and neither turns nor grows."""
         length = math.hypot(*direction)
         if length == 0:
             return self.known
-        return self._known_along(self._turned(direction[0] / length, direction[1] / length))
+        return self._known_along(*self._turned(direction[0] / length, direction[1] / length))
 
     @property
     def motion(self) -> Float64Array:
@@ -174,8 +173,8 @@ class Contours:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
-        x, y = self.pose[:2] + self.velocity * self._since_s(stamp_ns)
-        return float(x), float(y)
+        since_s = self._since_s(stamp_ns)
+        return float(self.pose[0] + self.velocity[0] * since_s), float(self.pose[1] + self.velocity[1] * since_s)
 
     def take(self, surface: TimeSurface) -> bool:
         """Keep the surface up to date round the target; whether it is time for a look."""
@@ -222,17 +221,21 @@ class Contours:
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
         pose = np.array([x, y, *self._changed(self._since_s(surface.stamp_ns))])
-        pose[0], pose[1] = search(
-            points, count, self._maps, self._norms, pose, self.cell_px, self.motion, BIAS_PX * self.direction,
-            self.pose, config.ridge_weight, any_motion, radius_px,
+        maps, norms, velocity, motion = self._maps, self._norms, self.motion, BIAS_PX * self.direction
+        pose[0], pose[1] = x, y = search(
+            points, count, maps, norms, pose, self.cell_px, velocity, motion, self.pose, config.ridge_weight,
+            any_motion, radius_px,
         )  # fmt: skip
-        score, events, *direction = self._score(points, count, pose, any_motion)
-        motion = float(np.clip(self.speed_px_s * span_s / config.window_px, MOTION_MIN, 1.0))
-        return Look(float(pose[0]), float(pose[1]), score, events, motion, (direction[0], direction[1]))
+        motion[:2] += pose[:2] - self.pose[:2]
+        score, events, *direction = score_at(
+            points, count, maps, norms, pose, self.cell_px, velocity, motion, config.ridge_weight, any_motion
+        )
+        moved = min(max(self.speed_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
+        return Look(x, y, score, events, moved, (direction[0], direction[1]))
 
     def turn(self, direction: tuple[float, float]) -> None:
         """The target moves in this direction now (x, y of any length)."""
-        length = float(np.hypot(*direction))
+        length = math.hypot(*direction)
         if length > 0:
             self.direction = np.array([*direction, 0.0, 0.0]) / length
 
@@ -249,9 +252,10 @@ class Contours:
         elapsed_s = self._since_s(stamp_ns)
         if elapsed_s <= 0:
             return self.velocity.copy()
-        average_s = float(np.clip(VELOCITY_PX / max(self.speed_px_s, 1e-3), *VELOCITY_S))
-        way = np.array([x, y]) - self.pose[:2]
-        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (way / elapsed_s - self.velocity))
+        shortest_s, longest_s = VELOCITY_S
+        average_s = min(max(VELOCITY_PX / max(self.speed_px_s, 1e-3), shortest_s), longest_s)
+        last = (np.array([x, y]) - self.pose[:2]) / elapsed_s
+        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (last - self.velocity))
 
     def go_on_at(self, velocity: Float64Array, gain: float) -> None:
         """Take the target to move at a velocity (pixels/s), by `gain` from 0 to 1, and neither to turn nor to grow."""
@@ -268,12 +272,14 @@ class Contours:
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1
-        inside = splat(points, count, self.pose, self.cell_px, self.motion, self.drawn)
+        sight = self._sight(points, count)
+        inside = splat(points, count, self.pose, self.cell_px, sight.velocity, self.drawn)
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        self._misfits.learn_preferences(self._sight(points, count), self.drawn, self._direction_by_the_cell())
-        self._learn(rate, max(rate, trust * RECENT_RATE), sees_covers=sees_covers)
+        direction = self._direction_by_the_cell()
+        self._misfits.learn_preferences(sight, self.drawn, direction)
+        self._learn(direction, rate, max(rate, trust * RECENT_RATE), sees_covers=sees_covers)
 
     def stop(self) -> None:
         """Take the target to be at rest."""
@@ -285,7 +291,7 @@ class Contours:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
-        self._learn(1.0, 1.0, sees_covers=False)
+        self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
         self._looks = looks_known
 
     def keep_memories(self) -> None:
@@ -302,9 +308,8 @@ class Contours:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
         self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=False)
 
-    def _learn(self, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
+    def _learn(self, direction: Float64Array, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
         """Move the memories towards what is drawn and normalised."""
-        direction = self._direction_by_the_cell()
         learn(self._usual, self.drawn, direction, usual_rate)
         learn(self._recent, self.drawn, direction, recent_rate)
         learn(self._latest, self.drawn, direction, min(1.0, LATEST_TIMES * recent_rate))
@@ -319,8 +324,8 @@ class Contours:
             # A part of the target cannot tell whether it moves or grows.
             misfit = (1 - self._cells.covered) * self._misfits.misfit(SCALE, sight, self._maps, self._norms)
             self._growing.learn(misfit, elapsed_s)
-            self.pose[SCALE] *= math.exp(self.config.scale_gain * misfit)
-            self.pose[SCALE] = np.clip(self.pose[SCALE], *SCALE_LIMITS)
+            least, most = SCALE_LIMITS
+            self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(self.config.scale_gain * misfit), least), most)
         if self.config.angle_gain > 0:
             misfit = self._misfits.misfit(ANGLE, sight, self._maps, self._norms)
             if self._turning.learn(misfit, elapsed_s):
@@ -329,47 +334,33 @@ class Contours:
     def _note_direction(self) -> None:
         arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]
         motion = self.motion * (1.0, 1.0, arm_px, arm_px)
-        speed_px_s = math.sqrt(motion @ motion)
+        speed_px_s = math.hypot(*motion.tolist())
         if speed_px_s > SPEED_MIN_PX_S:
             self.direction = motion / speed_px_s
 
     def _direction_by_the_cell(self) -> Float64Array:
         """The direction of motion in the model's coordinates, as `learn` takes it."""
-        by_the_cell = 1 / self._arm_cells
-        return self._turned_direction() * (1.0, 1.0, by_the_cell, by_the_cell)
+        x, y, turning, growing = self.direction.tolist()
+        return np.array([*self._turned(x, y), turning / self._arm_cells, growing / self._arm_cells])
 
     def _see(self, rate: float) -> None:
-        moving = self._turned_direction()[:2]
-        share = rate * (1 - self.known)
-        self._seen += share * np.outer(moving, moving)
+        across, down, *_ = self.direction.tolist()
+        x, y = self._turned(across, down)
+        self._seen += rate * (1 - self.known) * np.array([[x * x, x * y], [x * y, y * y]])
 
-    def _turned_direction(self) -> Float64Array:
-        """The direction of motion in the model's coordinates."""
-        x, y, *others = self.direction
-        return np.array([*self._turned(x, y), *others])
-
-    def _turned(self, x: float, y: float) -> Float64Array:
+    def _turned(self, x: float, y: float) -> tuple[float, float]:
         """A direction in the model's coordinates."""
         cos, sin = math.cos(self.pose[ANGLE]), math.sin(self.pose[ANGLE])
-        return np.array([cos * x + sin * y, cos * y - sin * x])
+        return cos * x + sin * y, cos * y - sin * x
 
-    def _known_along(self, moving: Float64Array) -> float:
-        return float(moving @ self._seen @ moving)
+    def _known_along(self, x: float, y: float) -> float:
+        (xx, xy), (yx, yy) = self._seen.tolist()
+        return float(x * (xx * x + xy * y) + y * (yx * x + yy * y))
 
     def _changed(self, since_s: float) -> tuple[float, float]:
         """Scale and angle after a time, if growing and turning go on."""
         scale = self.pose[SCALE] * math.exp(self._growing.per_s * since_s)
         return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
-
-    def _score(
-        self, points: Float32Array, count: int, pose: Float64Array, any_motion: bool
-    ) -> tuple[float, float, float, float]:
-        motion = BIAS_PX * self.direction
-        motion[:2] += pose[:2] - self.pose[:2]
-        return score_at(
-            points, count, self._maps, self._norms, pose, self.cell_px, self.motion, motion, self.config.ridge_weight,
-            any_motion,
-        )  # fmt: skip
 
     def _count_events(self, inside: float, span_s: float) -> None:
         per_px = inside / max(0.5, min(self.config.window_px, self.speed_px_s * span_s))

@@ -41,7 +41,7 @@ class SteadyMotion:
         if self.seen_s < STEADY_S:
             return 1.0
         could_px_s = self._could_px_s()
-        return could_px_s / max(could_px_s, float(np.hypot(*(velocity - self.velocity))))
+        return could_px_s / max(could_px_s, math.hypot(*(velocity - self.velocity).tolist()))
 
     def learn(self, velocity: Float64Array, elapsed_s: float) -> None:
         """The target was seen to move at a velocity (pixels/s) for a time; none has passed where time went back."""
@@ -52,11 +52,11 @@ class SteadyMotion:
         self.seen_s += elapsed_s
         rate = min(1.0, elapsed_s / min(self.seen_s, SPAN_S))
         off = velocity - self.velocity
-        length, most = float(np.hypot(*off)), STRAY_SHARE * self._could_px_s()
+        length, most = math.hypot(*off.tolist()), STRAY_SHARE * self._could_px_s()
         if self.seen_s >= STEADY_S and length > most:
             off *= most / length
         self.velocity = self.velocity + rate * off
         self._variance += rate * (float(off @ off) - self._variance)
 
     def _could_px_s(self) -> float:
-        return max(SPREADS * math.sqrt(self._variance), SLACK_PX_S, SLACK_SHARE * float(np.hypot(*self.velocity)))
+        return max(SPREADS * math.sqrt(self._variance), SLACK_PX_S, SLACK_SHARE * math.hypot(*self.velocity.tolist()))

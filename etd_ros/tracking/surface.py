@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -63,9 +65,9 @@ class TimeSurface:
 
     def window(self, box: Box, margin: float) -> Window:
         """The pixels in a box and a margin (pixels) round it, as far as they lie on the sensor."""
-        left, top = (int(max(0.0, np.floor(edge - margin))) for edge in (box.x, box.y))
-        right = int(min(self.width, np.ceil(box.x + box.w + margin)))
-        bottom = int(min(self.height, np.ceil(box.y + box.h + margin)))
+        left, top = max(0, math.floor(box.x - margin)), max(0, math.floor(box.y - margin))
+        right = min(self.width, math.ceil(box.x + box.w + margin))
+        bottom = min(self.height, math.ceil(box.y + box.h + margin))
         return top, max(top, bottom), left, max(left, right)
 
     def keep(self, window: Window) -> int:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contours import Look
 
 EVENTS_MIN = 15.0
@@ -22,7 +21,7 @@ class UsualLooks:
     """
 
     def __init__(self) -> None:
-        self._evidence: Float64Array | None = None
+        self._evidence: tuple[float, float] | None = None
         self._motion = 1.0
 
     def learn(self, look: Look) -> None:
@@ -30,8 +29,8 @@ class UsualLooks:
         evidence = _evidence(look, look.motion)
         if self._evidence is None:
             self._evidence = evidence
-        most = CHANGE_MAX * self._evidence
-        self._evidence += RATE * np.clip(evidence - self._evidence, -most, most)
+        score, events = (_nearer(usual, now) for usual, now in zip(self._evidence, evidence, strict=True))
+        self._evidence = score, events
         self._motion += RATE * (look.motion - self._motion)
 
     def confidence(self, look: Look) -> float:
@@ -45,8 +44,17 @@ class UsualLooks:
         return self._share(look, max(look.motion, self._motion))
 
     def _share(self, look: Look, motion: float) -> float:
-        return 1.0 if self._evidence is None else float((_evidence(look, motion) / self._evidence).min())
+        if self._evidence is None:
+            return 1.0
+        return min(now / usual for usual, now in zip(self._evidence, _evidence(look, motion), strict=True))
 
 
-def _evidence(look: Look, motion: float) -> Float64Array:
-    return np.maximum([look.score / np.sqrt(motion), look.events / motion], 1e-6)
+def _nearer(usual: float, now: float) -> float:
+    """An average that a look moves."""
+    most = CHANGE_MAX * usual
+    return usual + RATE * min(max(now - usual, -most), most)
+
+
+def _evidence(look: Look, motion: float) -> tuple[float, float]:
+    """The look's score and the number of its events if all of its window were motion."""
+    return max(look.score / math.sqrt(motion), 1e-6), max(look.events / motion, 1e-6)

@@ -149,15 +149,15 @@ def test_sums_at_a_place_are_of_what_lies_between_the_cells_under_the_points(map
 
 
 @settings(deadline=None, max_examples=50)
-@given(maps=anything, radius=st.integers(1, 12), **of_any_motion)
-def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(maps, radius, seed, angle, cell_px, motion):
+@given(maps=anything, radius=st.integers(1, 12), apart=st.integers(1, 4), **of_any_motion)
+def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(maps, radius, apart, seed, angle, cell_px, motion):
     points = not_between(0.5, scattered(seed), angle, cell_px, motion)
     columns, rows = (np.floor(at + 0.5) for at in cells_under(points, 30, 40, angle, cell_px, motion))
     cosine, sine = np.cos(angle) / cell_px, np.sin(angle) / cell_px
-    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion), radius)
+    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion), radius, apart)
     for j, down in enumerate(range(radius, -radius - 1, -1)):
         for i, right in enumerate(range(radius, -radius - 1, -1)):
-            c, r = columns - right, rows - down
+            c, r = columns - right * apart, rows - down * apart
             inside = (c >= 0) & (r >= 0) & (c < COLUMNS) & (r < ROWS)
             c, r = c[inside].astype(int), r[inside].astype(int)
             np.testing.assert_allclose(found[j, i], summed(maps[:4, r, c], c, r, points[inside, 3]), atol=1e-3)
