@@ -158,7 +158,7 @@ class ContourSearch:
         contours, surface = self._contours, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        contours.pose[:2] = np.clip(x, 0, surface.width - 1), np.clip(y, 0, surface.height - 1)
+        contours.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
         contours.velocity[:] = self._before.velocity
         contours.stamp_ns = surface.stamp_ns
 
