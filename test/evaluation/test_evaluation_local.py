@@ -82,7 +82,11 @@ def test_a_cell_that_hangs_is_stopped_and_its_process_replaced(square, tmp_path)
 
 
 def test_a_cell_that_runs_out_of_memory_costs_that_cell_only(square, tmp_path):
-    (before,), (short_of_memory,) = tasks_of(square), tasks_of(write_sequence(tmp_path, "other"))
+    large = write_sequence(tmp_path, "large", video=False)
+    # Of a sensor so large that what the cell before it left in the process is not enough.
+    events = large.recording / "events.txt"
+    events.write_text("4096 3072\n" + events.read_text())
+    (before,), (short_of_memory,) = tasks_of(square), tasks_of(large)
     process = CellProcess()
     try:
         errors = []
