@@ -119,7 +119,7 @@ def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
-          velocity: Float64Array) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+            velocity: Float64Array) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """What the model's maps hold under the points, moved on by their age: with polarity the gradients along x and y,
     and those that turning and growing move along; ridge; weight.
 
@@ -206,8 +206,8 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
              cell_px: float, velocity: Float64Array, motion: Float64Array, ridge_weight: float, any_motion: bool
              ) -> tuple[float, float, float, float]:  # fmt: skip
     """(score, points under the model, x and y of the motion that fits best) of one pose."""
-    size = 1 / (cell_px * pose[2])
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    size = 1 / (cell_px * pose[SCALE])
+    cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
     sums = sums_at(points, count, maps, pose[0], pose[1], cos * size, sin * size, velocity)
     score = _score(sums, norms, cos, sin, 0.0, 0.0, motion, ridge_weight, any_motion)
     x, y = best_motion(sums, norms)
