@@ -131,9 +131,10 @@ def agreements(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
 @njit(cache=True, nogil=True, fastmath=True)
 def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Float32Array, pose: Float64Array,
               cell_px: float, velocity: Float64Array, time_s: float, parts: Float32Array, room: Float32Array
-              ) -> float:  # fmt: skip
+              ) -> tuple[float, float]:  # fmt: skip
     """How well what the points draw in one part of a time agrees with what they draw in the others, when they are moved
-    back to where they began: their correlations, in parts of what they would be if all were alike.
+    back to where they began: the sum of their correlations, by which velocities are compared, and that in parts of what
+    it would be if all were alike, at most 1.
 
     Contrast (Gallego et al. 2018) also grows with what a single part draws, so that a motion towards busy places wins,
     or, over the square of the number of points, one away from them. On and Off that fall together count half: flicker
@@ -178,7 +179,7 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         for other in range(part + 1, number):
             found += products[part, other]
             possible += np.sqrt(products[part, part] * products[other, other])
-    return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER)
+    return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER), float(found / max(possible, 1e-9))
 
 
 @njit(cache=True, nogil=True, fastmath=True)

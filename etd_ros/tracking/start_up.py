@@ -20,6 +20,9 @@ TIME_MAX_S = 0.5
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
+ALIKE_ENOUGH = 0.5
+"""Where parts of the time are less alike than this at the best velocity, that is believed by as much less: few events
+agree at any velocity, and a lamp that flickers at all of them."""
 CHANGE_WEIGHT = 0.001
 """How much coherence a pixel of change (squared) has to bring."""
 LOOKS_KNOWN = 10
@@ -99,7 +102,9 @@ class StartUp:
     def _fit(self, events: Float32Array, time_s: float) -> None:
         """The velocity with which the target's events agree best, near the one so far."""
         everything = np.ones(len(events), np.float32)
-        self._contours.velocity = self._coherent(events, time_s, everything, self._weight, self._contours.velocity)
+        contours = self._contours
+        velocity, alike = self._coherent(events, time_s, everything, self._weight, contours.velocity)
+        contours.velocity = min(1.0, max(0.0, alike) / ALIKE_ENOUGH) * velocity
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring."""
@@ -107,32 +112,33 @@ class StartUp:
         events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
         of_pixel = _shares_of_pixels(events)
         for _ in range(RING_FITS):
-            ring = self._coherent(events, time_s, of_pixel, self._ring, ring)
+            ring, _ = self._coherent(events, time_s, of_pixel, self._ring, ring)
         behind = self._agreements(events, time_s, ring)
         for _ in range(APART_ROUNDS):
             own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
             shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
-            velocity = self._coherent(events, time_s, shares, self._weight, velocity)
+            velocity, _ = self._coherent(events, time_s, shares, self._weight, velocity)
         self._contours.velocity = velocity
 
     def _coherent(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
-    ) -> Float64Array:
-        """The velocity (pixels/s) of the greatest coherence, coarse to fine."""
-        best = so_far
+    ) -> tuple[Float64Array, float]:
+        """The velocity (pixels/s) of the greatest coherence, coarse to fine, and how alike the parts are at it."""
+        best, best_alike = so_far, 0.0
         for step_px, reach in STEPS_PX:
             middle, top = best, -np.inf
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):
                     velocity = middle + np.array([i, j]) * (step_px / time_s)
                     change_px = float(((velocity - so_far) ** 2).sum()) * time_s**2
-                    agreement = coherence(
+                    agreement, alike = coherence(
                         events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts,
                         self._room,
-                    ) * np.exp(-CHANGE_WEIGHT * change_px)  # fmt: skip
+                    )  # fmt: skip
+                    agreement *= math.exp(-CHANGE_WEIGHT * change_px)
                     if agreement > top:
-                        best, top = velocity, agreement
-        return best
+                        best, top, best_alike = velocity, agreement, alike
+        return best, best_alike
 
     def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
         agreed = np.empty(len(events), np.float32)

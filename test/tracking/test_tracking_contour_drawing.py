@@ -85,32 +85,44 @@ def agreement_of(points, velocity, time_s=0.03):
     return coherence(points, len(points), shares, weight, UPRIGHT, 1.0, velocity, time_s, parts, parts[0].copy())
 
 
+def points_often():
+    """The same line in each part of the time."""
+    return np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
+
+
 def test_events_agree_best_for_the_right_motion():
     rng = np.random.default_rng(3)
     start, elapsed_s = np.round(rng.uniform(-6, 6, (300, 2)) / 4) * 4, rng.uniform(0, 0.03, 300)
     moved = start + np.array([200.0, -100.0]) * elapsed_s[:, None] + [30, 40]
     points = np.column_stack([moved, -elapsed_s, np.ones(300)]).astype(np.float32)
     speeds = [(x, y) for x in range(-400, 401, 100) for y in range(-400, 401, 100)]
-    assert speeds[int(np.argmax([agreement_of(points, speed) for speed in speeds]))] == (200, -100)
+    assert speeds[int(np.argmax([agreement_of(points, speed)[0] for speed in speeds]))] == (200, -100)
 
 
 def test_what_a_single_part_of_the_time_draws_agrees_with_nothing():
     once = points_at(np.linspace(25, 35, 100), 40.0, age_s=-0.001)
-    assert agreement_of(once, (0, 0)) == 0
-    often = np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
-    assert agreement_of(often, (0, 0)) > 1
+    assert agreement_of(once, (0, 0)) == (0, 0)
+    assert agreement_of(points_often(), (0, 0))[0] > 1
+
+
+def test_parts_that_draw_the_same_are_alike_and_those_of_noise_are_not():
+    assert agreement_of(points_often(), (0, 0))[1] == pytest.approx(1.0)
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(-8, 8, (2, 60)) + [[30], [40]]
+    ages_s, polarities = -rng.uniform(0, 0.03, 60), rng.choice([-1, 1], 60)
+    assert agreement_of(np.column_stack([x, y, ages_s, polarities]).astype(np.float32), (0, 0))[1] < 0.3
 
 
 def test_opposite_polarities_disagree():
     turned = np.concatenate([points_at([30.0], 40.0, 1 - 2 * (part % 2), -0.01 * part) for part in (0, 1)])
-    assert agreement_of(turned.reshape(-1, 4), (0, 0)) < 0
+    assert max(agreement_of(turned.reshape(-1, 4), (0, 0))) < 0
 
 
 def test_events_that_count_for_nothing_agree_with_nothing():
-    often = np.concatenate([points_at(np.linspace(25, 35, 25), 40.0, age_s=-age_s) for age_s in (0, 0.01, 0.02, 0.029)])
     weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
     shares, velocity = np.zeros(100, np.float32), np.zeros(2)
-    assert coherence(often, 100, shares, weight, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy()) == 0
+    agreement = coherence(points_often(), 100, shares, weight, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy())
+    assert agreement == (0, 0)
 
 
 def test_each_event_agrees_with_those_of_other_times_that_move_like_it():

@@ -14,8 +14,10 @@ from etd_ros.engine import FrameSource
 from etd_ros.events import Events
 from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Recipe, Sprite, Waypoint, make_scene
+from etd_ros.simulation.motion import Flicker
 from etd_ros.simulation.textures import checks
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up, steady_motion
+from etd_ros.tracking.contour_drawing import coherence
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.errors import TrackingError
 
@@ -162,6 +164,20 @@ def test_a_target_starts_where_it_was_at_its_stamp_not_where_the_first_frame_fin
     scene = scene_of(Waypoint(0, 40, 60), Waypoint(0.5, 200, 60), duration_s=0.5)
     found = tracked(scene, start_s=0.1)
     assert np.mean([overlap(report, truth) for _, report, truth in found]) > 0.88
+
+
+def test_a_target_whose_light_flickers_starts_where_it_is(monkeypatch):
+    scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 120, 90), duration_s=0.4)
+    lamp = replace(scene.sprites[0], flicker=Flicker(100.0, 0.2))
+    scene = replace(scene, sprites=(lamp,))
+    frames = frames_of(scene)
+
+    def mean_overlap():
+        return np.mean([overlap(report, truth) for _, report, truth in tracked(scene, start_s=0.1, frames=frames)])
+
+    assert mean_overlap() > 0.9
+    monkeypatch.setattr(start_up, "coherence", lambda *given: (coherence(*given)[0], 1.0))
+    assert mean_overlap() < 0.5, "at any velocity, some agree best"
 
 
 def with_restless_pixels(events, box, *, pixels, period_us):
