@@ -18,6 +18,8 @@ from numba import njit
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+Turn = tuple[float, float, float, float]
+"""Cells across by pixels to the right and down, and cells down by both."""
 
 ALONG_X, ALONG_Y, TURNING, GROWING = range(4)
 """Parts of a motion."""
@@ -97,14 +99,24 @@ def arm_cells(rows: int, columns: int) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: float, cosine: float, sine: float,
+def to_cells(width_px: float, height_px: float, angle_rad: float) -> Turn:
+    """What turns pixels beside the model's middle into cells, by the width and height of a cell and the model's
+    angle."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return cos / width_px, sin / width_px, -sin / height_px, cos / height_px
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: float, turn: Turn,
                     velocity: Float64Array, places: Float32Array) -> None:  # fmt: skip
     """Where points are now, moved on by their age: cells from the model's middle, across and down, into `places`, shape
     (2, points), of every `stride`-th one.
 
-    `x` and `y` are the model's middle (pixels); `cosine` and `sine` are those of its angle, over the pixels of a cell.
+    `x` and `y` are the model's middle (pixels); `turn` is of `to_cells`.
     """
-    to_x, to_y, cos, sin = np.float32(x), np.float32(y), np.float32(cosine), np.float32(sine)
+    to_x, to_y = np.float32(x), np.float32(y)
+    across_x, across_y, down_x, down_y = turn
+    a, b, c, d = np.float32(across_x), np.float32(across_y), np.float32(down_x), np.float32(down_y)
     speed_x, speed_y = np.float32(velocity[ALONG_X]), np.float32(velocity[ALONG_Y])
     turning, growing = np.float32(velocity[TURNING]), np.float32(velocity[GROWING])
     for index in range(count):
@@ -113,12 +125,12 @@ def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: 
         from_x, from_y = point[X] + speed_x * age - to_x, point[Y] + speed_y * age - to_y
         grown, turned = np.float32(1) + growing * age, turning * age
         dx, dy = grown * from_x - turned * from_y, grown * from_y + turned * from_x
-        places[0, index] = cos * dx + sin * dy
-        places[1, index] = cos * dy - sin * dx
+        places[0, index] = a * dx + b * dy
+        places[1, index] = c * dx + d * dy
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, turn: Turn,
             velocity: Float64Array) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """What the model's maps hold under the points, moved on by their age: with polarity the gradients along x and y,
     and those that turning and growing move along; ridge; weight.
@@ -127,7 +139,7 @@ def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: f
     """
     _, rows, columns = maps.shape
     places = np.empty((2, count), np.float32)
-    _place_on_model(points, count, 1, x, y, cosine, sine, velocity, places)
+    _place_on_model(points, count, 1, x, y, turn, velocity, places)
     middle_column, middle_row = np.float32((columns - 1) / 2), np.float32((rows - 1) / 2)
     last_column, last_row = np.float32(columns - 1), np.float32(rows - 1)
     one, next_ = np.float32(1), np.uintp(1)
@@ -206,33 +218,30 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
              cell_px: float, velocity: Float64Array, motion: Float64Array, ridge_weight: float, any_motion: bool
              ) -> tuple[float, float, float, float]:  # fmt: skip
     """(score, points under the model, x and y of the motion that fits best) of one pose."""
-    size = 1 / (cell_px * pose[SCALE])
+    size_px = cell_px * pose[SCALE]
     cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
-    sums = sums_at(points, count, maps, pose[0], pose[1], cos * size, sin * size, velocity)
+    sums = sums_at(points, count, maps, pose[0], pose[1], to_cells(size_px, size_px, pose[ANGLE]), velocity)
     score = _score(sums, norms, cos, sin, 0.0, 0.0, motion, ridge_weight, any_motion)
     x, y = best_motion(sums, norms)
     return score, sums[5], cos * x - sin * y, cos * y + sin * x
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def scores_beside(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
-                  part: int, step: float, cell_px: float, velocity: Float64Array, motion: Float64Array,
-                  ridge_weight: float) -> tuple[float, float, float]:  # fmt: skip
-    """Scores of a pose whose scale (`part` SCALE) is less by a step (of its logarithm, nearly), as it is and greater,
-    or its angle (`part` ANGLE; rad).
+def scores_of_shapes(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
+                     shapes: Float64Array, cell_px: float, velocity: Float64Array, motion: Float64Array,
+                     ridge_weight: float, scores: Float64Array) -> None:  # fmt: skip
+    """Scores of a pose if the model had other shapes, into `scores`: `shapes` says how many times as wide and high it
+    would be, and by how much it would be turned on (rad), shape (n, 3).
 
-    A larger model has more cells to agree with: the norm of what it predicts grows by its scale.
+    A larger model has more cells to agree with: the norm of what it predicts grows by the root of its area.
     """
-    scores = np.empty(3)
-    beside = pose.copy()
-    for number in range(3):
-        change = (number - 1) * step
-        beside[part] = pose[part] * (1 + change) if part == SCALE else pose[part] + change
-        score, _, _, _ = score_at(
-            points, count, maps, norms, beside, cell_px, velocity, motion, ridge_weight, False
-        )  # fmt: skip
-        scores[number] = score / beside[SCALE]
-    return scores[0], scores[1], scores[2]
+    size_px = cell_px * pose[SCALE]
+    for number in range(len(shapes)):
+        wide, high, angle = shapes[number, 0], shapes[number, 1], pose[ANGLE] + shapes[number, 2]
+        turn = to_cells(size_px * wide, size_px * high, angle)
+        sums = sums_at(points, count, maps, pose[0], pose[1], turn, velocity)
+        score = _score(sums, norms, np.cos(angle), np.sin(angle), 0.0, 0.0, motion, ridge_weight, False)
+        scores[number] = score / np.sqrt(wide * high)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -254,7 +263,7 @@ def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, cosine: float, sine: float,
+def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, turn: Turn,
                  velocity: Float64Array, radius: int, apart: int) -> Float32Array:  # fmt: skip
     """`sums_at` with the model's middle moved up to `radius` times by `apart` of its cells up, down, left and right,
     with the cell nearest to each point, and of so many points only as find the place.
@@ -274,7 +283,7 @@ def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float,
     stride = 1 + count // POINTS_SEARCHED
     number = (count + stride - 1) // stride
     places = np.empty((2, number), np.float32)
-    _place_on_model(points, number, stride, x, y, cosine, sine, velocity, places)
+    _place_on_model(points, number, stride, x, y, turn, velocity, places)
     for index in range(number):
         column = int(np.floor(places[0, index] + columns / 2))
         row = int(np.floor(places[1, index] + rows / 2))
@@ -308,7 +317,8 @@ def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: F
     apart = max(1, int(max(1.0, radius_px / STEPS_MAX) / size_px + 0.5))
     step_px = apart * size_px
     radius = max(1, int(radius_px / step_px + 0.5))
-    sums = sums_on_grid(points, count, maps, pose[0], pose[1], cos / size_px, sin / size_px, velocity, radius, apart)
+    turn = to_cells(size_px, size_px, pose[ANGLE])
+    sums = sums_on_grid(points, count, maps, pose[0], pose[1], turn, velocity, radius, apart)
     side = 2 * radius + 1
     scores = np.empty((side, side))
     best = -np.inf
@@ -343,9 +353,9 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
     the polarity it predicts.
     Returns x, y of the best place (pixels).
     """
-    size = 1 / (cell_px * pose[SCALE])
+    size_px = cell_px * pose[SCALE]
     cos, sin = np.cos(pose[ANGLE]), np.sin(pose[ANGLE])
-    cosine, sine = cos * size, sin * size
+    turn = to_cells(size_px, size_px, pose[ANGLE])
     x, y = _best_on_grid(
         points, count, maps, norms, pose, cell_px, velocity, bias, before, ridge_weight, any_motion, radius_px
     )  # fmt: skip
@@ -358,7 +368,7 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
                     continue
                 offset = number - 1
                 at_x, at_y = (x + offset, y) if axis == 0 else (x, y + offset)
-                found = sums_at(points, count, maps, at_x, at_y, cosine, sine, velocity)
+                found = sums_at(points, count, maps, at_x, at_y, turn, velocity)
                 around[axis, number] = _score(
                     found, norms, cos, sin, at_x - before[0], at_y - before[1], bias, ridge_weight, any_motion
                 )

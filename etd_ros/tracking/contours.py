@@ -38,7 +38,7 @@ KEPT_MARGIN_PX = 10.0
 ROUNDNESS = 1.7
 """p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
 something between."""
-TURN_GAIN, GROWTH_GAIN = 0.3, 0.15
+TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
 """How much of a misfit is a misfit of the rate."""
 SCALE_LIMITS = (0.2, 5.0)
 EVENTS_MIN = 25
@@ -320,16 +320,18 @@ class Contours:
         return Sight(points, count, self.pose, self.motion, BIAS_PX * self.direction)
 
     def _fit_scale_and_angle(self, sight: Sight, elapsed_s: float) -> None:
-        if self.config.scale_gain > 0:
+        config = self.config
+        if config.scale_gain == 0 and config.angle_gain == 0:
+            return
+        too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
+        if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            misfit = (1 - self._cells.covered) * self._misfits.misfit(SCALE, sight, self._maps, self._norms)
-            self._growing.learn(misfit, elapsed_s)
+            too_small *= 1 - self._cells.covered
+            self._growing.learn(too_small, elapsed_s)
             least, most = SCALE_LIMITS
-            self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(self.config.scale_gain * misfit), least), most)
-        if self.config.angle_gain > 0:
-            misfit = self._misfits.misfit(ANGLE, sight, self._maps, self._norms)
-            if self._turning.learn(misfit, elapsed_s):
-                self.pose[ANGLE] += self.config.angle_gain * misfit
+            self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(config.scale_gain * too_small), least), most)
+        if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):
+            self.pose[ANGLE] += config.angle_gain * turned
 
     def _note_direction(self) -> None:
         arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]

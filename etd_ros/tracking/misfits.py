@@ -8,23 +8,21 @@ import numpy as np
 
 from etd_ros.tracking.contour_drawing import learn
 from etd_ros.tracking.contour_kernels import (
-    ANGLE,
     MAPS,
-    SCALE,
     WEIGHT,
     Float32Array,
     Float64Array,
     measure_norms,
     parabola,
-    scores_beside,
+    scores_of_shapes,
 )
 
-SCALE_STEP = 0.04
+STRETCH_STEP = 0.04
 ANGLE_STEP_CELLS, ANGLE_STEP_MAX = 1.0, 0.3
 """An angle is tried that moves the model by so many cells, usually."""
-STIFFNESS = 0.03
-"""A change of scale or angle that changes the score by less than this share of it is hardly taken on: a ball has no
-angle."""
+STIFFNESS = np.array([0.015, 0.015, 0.03])
+"""A change of width, height or angle that changes the score by less than this share of it is hardly taken on: a ball
+has no angle."""
 PREFERENCE_LOOKS, PREFERENCE_RATE = 3, 0.25
 """What the score prefers hardly changes: it is learnt from one look in so many, and so fast."""
 
@@ -35,7 +33,7 @@ class Sight:
 
     Attributes:
         points, count: as `TimeSurface.points` returns them.
-        pose: of the model; parts of it change as they are fitted.
+        pose: of the model.
         velocity: a motion, pixels/s, rad/s and 1/s.
         motion: what polarities are predicted by (pixels).
     """
@@ -50,10 +48,14 @@ class Sight:
 class Misfits:
     """Of a target's scale and angle.
 
-    The score itself prefers sizes and angles, whatever the target does: a smaller model has fewer points under it that
-    are of other things, a larger one more lines of a background that goes on beyond it, and a line counts as far as the
-    model reaches. So the points are also compared with what they draw themselves, which is off by nothing: what they
-    seem to be off by there is taken away.
+    What grows becomes wider and higher. What is not flat becomes wider or narrower alone when it is passed: its nearest
+    parts overtake the others. So the model is stretched along both of its axes, each for itself, and the scale is off
+    by the harmonic mean of what they say, which is nearer to the lesser; by nothing where one says more, one less.
+
+    The score itself prefers shapes, whatever the target does: a smaller model has fewer points under it that are of
+    other things, a larger one more lines of a background that goes on beyond it, and a line counts as far as the model
+    reaches. So the points are also compared with what they draw themselves, which is off by nothing: what they seem to
+    be off by there is taken away.
 
     Args:
         weight: how much each of the model's cells counts, float32, shape (rows, columns).
@@ -67,22 +69,32 @@ class Misfits:
         self._own[WEIGHT] = weight
         self._own_norms = np.zeros((5, 5))
         self._cell_px, self._ridge_weight = cell_px, ridge_weight
-        self._steps = {SCALE: SCALE_STEP, ANGLE: min(ANGLE_STEP_CELLS / arm_cells, ANGLE_STEP_MAX)}
-        self._preferred = dict.fromkeys(self._steps, 0.0)
+        angle_step = min(ANGLE_STEP_CELLS / arm_cells, ANGLE_STEP_MAX)
+        self._steps = STRETCH_STEP, STRETCH_STEP, angle_step
+        self._shapes = np.tile([1.0, 1.0, 0.0], (1 + 2 * len(self._steps), 1))
+        for part, step in enumerate(self._steps):
+            self._shapes[1 + 2 * part, part] -= step
+            self._shapes[2 + 2 * part, part] += step
+        self._scores = np.empty(len(self._shapes))
+        self._preferred = np.zeros(len(self._steps))
         self._looks = 0
 
-    def misfit(self, part: int, sight: Sight, maps: Float32Array, norms: Float64Array) -> float:
-        """How far the model's scale (its logarithm) or angle (rad) is off, at most half a step.
+    def measure(self, sight: Sight, maps: Float32Array, norms: Float64Array) -> tuple[float, float]:
+        """How far the model's scale (its logarithm) and angle (rad) are off, at most half a step.
 
         Args:
-            part: SCALE or ANGLE.
             sight: what is seen.
             maps: of the model, shape (MAPS, rows, columns).
             norms: what `measure_norms` says of them.
         """
-        less, as_is, more = self._scores(part, sight, maps, norms)
-        preferred = self._preferred[part] * as_is
-        return self._steps[part] * parabola(less + preferred, as_is, more - preferred, STIFFNESS * abs(as_is))
+        as_is, less, more = self._beside(sight, maps, norms)
+        preferred, stiffness = self._preferred * as_is, STIFFNESS * abs(as_is)
+        wider, higher, angle = (
+            step * parabola(left, as_is, right, stiff)
+            for step, left, right, stiff in zip(self._steps, less + preferred, more - preferred, stiffness, strict=True)
+        )
+        scale = 2 * wider * higher / (wider + higher) if wider * higher > 0 else 0.0
+        return scale, angle
 
     def learn_preferences(self, sight: Sight, drawn: Float32Array, direction: Float64Array) -> None:
         """Learn what the score prefers.
@@ -98,15 +110,17 @@ class Misfits:
         self._own[:WEIGHT] = 0
         learn(self._own, drawn, direction, 1.0)
         measure_norms(self._own, self._own_norms)
-        rate = max(PREFERENCE_RATE, 1 / self._looks)
-        for part, preferred in self._preferred.items():
-            less, as_is, more = self._scores(part, sight, self._own, self._own_norms)
-            if as_is > 0:
-                self._preferred[part] += rate * ((more - less) / (2 * as_is) - preferred)
+        as_is, less, more = self._beside(sight, self._own, self._own_norms)
+        if as_is > 0:
+            rate = max(PREFERENCE_RATE, 1 / self._looks)
+            self._preferred += rate * ((more - less) / (2 * as_is) - self._preferred)
 
-    def _scores(self, part: int, sight: Sight, maps: Float32Array, norms: Float64Array) -> tuple[float, float, float]:
-        """Of a step less, none and a step more."""
-        return scores_beside(
-            sight.points, sight.count, maps, norms, sight.pose, part, self._steps[part], self._cell_px, sight.velocity,
-            sight.motion, self._ridge_weight,
+    def _beside(
+        self, sight: Sight, maps: Float32Array, norms: Float64Array
+    ) -> tuple[float, Float64Array, Float64Array]:
+        """Scores of the model as it is, and a step less and a step more wide, high and turned, shape (3,)."""
+        scores_of_shapes(
+            sight.points, sight.count, maps, norms, sight.pose, self._shapes, self._cell_px, sight.velocity,
+            sight.motion, self._ridge_weight, self._scores,
         )  # fmt: skip
+        return float(self._scores[0]), self._scores[1::2], self._scores[2::2]

@@ -9,9 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
 from etd_ros.tracking.contour_kernels import (
-    ANGLE,
     MAPS,
-    SCALE,
     WEIGHT,
     arm_cells,
     gather,
@@ -19,10 +17,11 @@ from etd_ros.tracking.contour_kernels import (
     measure_norms,
     parabola,
     score_at,
-    scores_beside,
+    scores_of_shapes,
     search,
     sums_at,
     sums_on_grid,
+    to_cells,
 )
 
 ROWS, COLUMNS = 20, 24
@@ -143,8 +142,7 @@ def test_sums_at_a_place_are_of_what_lies_between_the_cells_under_the_points(map
     columns, rows, polarities = columns[inside], rows[inside], points[inside, 3]
     values = np.array([map_coordinates(layer, [rows, columns], order=1) for layer in maps[:4]])
     values[3] = maps[3, rows.astype(int), columns.astype(int)]
-    cosine, sine = np.cos(angle) / cell_px, np.sin(angle) / cell_px
-    found = sums_at(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion))
+    found = sums_at(points, len(points), maps, 30.0, 40.0, to_cells(cell_px, cell_px, angle), np.array(motion))
     np.testing.assert_allclose(found, summed(values, columns, rows, polarities), atol=2e-2)
 
 
@@ -153,8 +151,8 @@ def test_sums_at_a_place_are_of_what_lies_between_the_cells_under_the_points(map
 def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(maps, radius, apart, seed, angle, cell_px, motion):
     points = not_between(0.5, scattered(seed), angle, cell_px, motion)
     columns, rows = (np.floor(at + 0.5) for at in cells_under(points, 30, 40, angle, cell_px, motion))
-    cosine, sine = np.cos(angle) / cell_px, np.sin(angle) / cell_px
-    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, cosine, sine, np.array(motion), radius, apart)
+    turn = to_cells(cell_px, cell_px, angle)
+    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, turn, np.array(motion), radius, apart)
     for j, down in enumerate(range(radius, -radius - 1, -1)):
         for i, right in enumerate(range(radius, -radius - 1, -1)):
             c, r = columns - right * apart, rows - down * apart
@@ -252,17 +250,33 @@ def test_a_parabola_that_hardly_bends_stays_near_the_middle(top, steepness):
 
 
 @pytest.mark.parametrize(
-    ("part", "less", "more"),
-    [(SCALE, (30, 40, 0.98, 0.1), (30, 40, 1.02, 0.1)), (ANGLE, (30, 40, 1, 0.08), (30, 40, 1, 0.12))],
+    ("shape", "pose", "area"), [((1.02, 1.02, 0), (30, 40, 1.02, 0.1), 1.02**2), ((1, 1, -0.02), (30, 40, 1, 0.08), 1)]
 )
-def test_scores_beside_a_pose_are_those_of_the_poses_beside_it_over_their_scale(part, less, more):
-    points, pose = cross(30, 40), np.array([30.0, 40.0, 1.0, 0.1])
+def test_the_score_of_another_size_or_angle_is_that_of_such_a_pose_over_the_root_of_its_area(shape, pose, area):
+    points, motion, scores = cross(30, 40), np.array([1.0, 0.0, 0.0, 0.0]), np.empty(1)
     maps, norms = model_of(points, UPRIGHT, (1, 0, 0, 0))
-    motion = np.array([1.0, 0.0, 0.0, 0.0])
-    found = scores_beside(points, len(points), maps, norms, pose, part, 0.02, 1.0, STILL, motion, 0.5)
-    poses = [np.array(at, float) for at in (less, pose, more)]
-    expected = [
-        score_at(points, len(points), maps, norms, at, 1.0, STILL, motion, 0.5, False)[0] / at[2] for at in poses
-    ]
-    assert found == pytest.approx(expected, rel=1e-9)
-    assert pose.tolist() == [30.0, 40.0, 1.0, 0.1]
+    upright = np.array([30.0, 40.0, 1.0, 0.1])
+    scores_of_shapes(
+        points, len(points), maps, norms, upright, np.array([shape], float), 1.0, STILL, motion, 0.5, scores
+    )
+    expected, *_ = score_at(points, len(points), maps, norms, np.array(pose, float), 1.0, STILL, motion, 0.5, False)
+    assert scores[0] * np.sqrt(area) == pytest.approx(expected, rel=1e-9)
+
+
+def outline(wide, high):
+    """Points on the edges of a box round UPRIGHT's place."""
+    along, ends = np.linspace(-7, 7, 29), np.array([[-7.0], [7.0]])
+    sides = np.concatenate(
+        [np.stack(np.broadcast_arrays(*edge), -1).reshape(-1, 2) for edge in ((ends, along), (along, ends))]
+    )
+    return points_at(*(sides * (wide, high) + UPRIGHT[:2]).T)
+
+
+@pytest.mark.parametrize(("wide", "high"), [(1.3, 1.0), (1.0, 0.8)])
+def test_what_was_stretched_one_way_scores_best_for_a_model_stretched_alike(wide, high):
+    maps, norms = model_of(outline(1, 1), UPRIGHT, (0.7, 0.7, 0, 0))
+    points, motion = outline(wide, high), np.array([0.7, 0.7, 0.0, 0.0])
+    shapes = np.array([(wide, high, 0), (1, 1, 0), (high, wide, 0), (wide, high, 0.1)])
+    scores = np.empty(len(shapes))
+    scores_of_shapes(points, len(points), maps, norms, UPRIGHT, shapes, 1.0, STILL, motion, 0.5, scores)
+    assert np.argmax(scores) == 0

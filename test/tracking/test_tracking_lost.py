@@ -30,7 +30,7 @@ def test_what_comes_out_where_it_is_expected_is_found_before_all_of_it_is_seen(m
 
 
 def test_a_part_that_agrees_with_another_part_does_not_keep_the_search_from_the_target(monkeypatch):
-    seeds = (25,)
+    seeds = 11, 22, 25
     found = mean_overlap("pillar", seeds)
     assert found > 0.9
     monkeypatch.setattr(contour_search, "BETTER", math.inf)
@@ -63,9 +63,8 @@ def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
             states.append(self.state)
 
     monkeypatch.setattr(ContourTarget, "_fail", noted)
-    mean_overlap("panel", (2,))
-    assert TargetState.RECOVERING in states
+    found = mean_overlap("panel", (2,))
     assert TargetState.LOST not in states
     monkeypatch.setattr(TimeSurface, "inside_px", lambda self, box: -1.0)
-    mean_overlap("panel", (2,))
+    assert mean_overlap("panel", (2,)) < found - 0.1
     assert TargetState.LOST in states

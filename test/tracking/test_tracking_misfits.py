@@ -5,7 +5,7 @@ import pytest
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import learn, normalise, splat
-from etd_ros.tracking.contour_kernels import ANGLE, MAPS, SCALE, WEIGHT, arm_cells, measure_norms
+from etd_ros.tracking.contour_kernels import MAPS, WEIGHT, arm_cells, measure_norms
 from etd_ros.tracking.misfits import Misfits, Sight
 
 SIDE = 40
@@ -30,6 +30,15 @@ def triangle(size=1.0, angle_rad=0.0):
     edges = [np.stack([way * (down + 10) / 2, down], axis=1) for way in (-1, 1)]
     turn = np.array([[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]])
     return np.concatenate([points_at(size * edge @ turn.T, sign) for edge, sign in zip(edges, (1, -1), strict=True)])
+
+
+def square(wide=1.0, high=1.0):
+    """All four edges of a square, wider or higher."""
+    along = np.linspace(-10, 10, 41)
+    sides = [np.stack([np.full(41, way * 10.0), along], axis=1) for way in (-1, 1)]
+    edges = [*sides, *(side[:, ::-1] for side in sides)]
+    signs = (1, -1, 1, -1)
+    return np.concatenate([points_at(edge * (wide, high), sign) for edge, sign in zip(edges, signs, strict=True)])
 
 
 def clutter(seed):
@@ -63,40 +72,41 @@ def misfits():
     return Misfits(WEIGHTS, arm_cells(SIDE, SIDE), 1.0, 0.5)
 
 
-def seen_for_a_while():
-    """What has seen the triangle among other things, where its model fits."""
+def seen_for_a_while(shape=triangle):
+    """What has seen a shape among other things, where its model fits."""
     found = misfits()
     for look in range(60):
-        sight = sight_of(triangle(), clutter(look))
+        sight = sight_of(shape(), clutter(look))
         found.learn_preferences(sight, drawing_of(sight), DIRECTION)
     return found
 
 
-def mean_misfit(found, part, **target):
-    model = model_of(sight_of(triangle()))
-    return float(
-        np.mean([found.misfit(part, sight_of(triangle(**target), clutter(look)), *model) for look in range(60)])
-    )
+def is_off(found, shape=triangle, **now):
+    """Mean misfits of scale and angle, of a model of the shape as it is by default."""
+    model = model_of(sight_of(shape()))
+    looks = [found.measure(sight_of(shape(**now), clutter(look)), *model) for look in range(60)]
+    return np.mean(looks, axis=0)
 
 
 def test_what_has_its_size_seems_too_large_among_other_things_until_it_is_known_what_the_score_prefers():
-    before, after = mean_misfit(misfits(), SCALE), mean_misfit(seen_for_a_while(), SCALE)
+    before, after = (is_off(found)[0] for found in (misfits(), seen_for_a_while()))
     assert before < -0.003
     assert abs(after) < 0.4 * abs(before)
 
 
 @pytest.mark.parametrize("size", [0.97, 1.03])
 def test_another_size_is_found_by_its_sign(size):
-    found = seen_for_a_while()
-    off = mean_misfit(found, SCALE, size=size) - mean_misfit(found, SCALE)
-    assert off * np.log(size) > 0
+    for shape, now in ((triangle, {"size": size}), (square, {"wide": size, "high": size})):
+        found = seen_for_a_while(shape)
+        off = is_off(found, shape, **now)[0] - is_off(found, shape)[0]
+        assert off * np.log(size) > 0
     assert abs(off) > 0.3 * abs(np.log(size))
 
 
 @pytest.mark.parametrize("angle_rad", [-0.03, 0.03])
 def test_another_angle_is_found(angle_rad):
     found = seen_for_a_while()
-    off = mean_misfit(found, ANGLE, angle_rad=angle_rad) - mean_misfit(found, ANGLE)
+    off = is_off(found, angle_rad=angle_rad)[1] - is_off(found)[1]
     assert off == pytest.approx(angle_rad, rel=0.5)
 
 
@@ -104,10 +114,20 @@ def test_what_the_score_prefers_is_known_from_the_first_look_on():
     found, sight = misfits(), sight_of(triangle(), clutter(0))
     found.learn_preferences(sight, drawing_of(sight), DIRECTION)
     own = model_of(sight)
-    assert abs(found.misfit(SCALE, sight, *own)) < 1e-6
-    assert abs(misfits().misfit(SCALE, sight, *own)) > 1e-3
+    assert found.measure(sight, *own) == pytest.approx((0, 0), abs=1e-6)
+    assert max(map(abs, misfits().measure(sight, *own))) > 1e-3
 
 
 def test_misfits_are_half_a_step_at_most():
     model = model_of(sight_of(triangle()))
-    assert abs(misfits().misfit(SCALE, sight_of(triangle(size=1.2)), *model)) <= 0.02 + 1e-12
+    assert abs(misfits().measure(sight_of(triangle(size=1.2)), *model)[0]) <= 0.02 + 1e-12
+
+
+@pytest.mark.parametrize("times", [0.97, 1.03])
+def test_what_becomes_wider_or_narrower_alone_is_hardly_taken_to_have_grown(times):
+    found, model = misfits(), model_of(sight_of(square()))
+    found.learn_preferences(sight_of(square()), drawing_of(sight_of(square())), DIRECTION)
+    grown, _ = found.measure(sight_of(square(wide=times, high=times)), *model)
+    stretched, _ = found.measure(sight_of(square(wide=times)), *model)
+    assert grown * np.log(times) > 0.3 * np.log(times) ** 2
+    assert abs(stretched) < 0.4 * abs(grown)
