@@ -62,9 +62,9 @@ def passed_by(*, speed_px_s, cover_px_s, width, at_s, duration_s):
     return scene_of(Waypoint(0, 40, 90), end, duration_s=duration_s, cover=(cover,))
 
 
-@pytest.mark.parametrize(("cover_px_s", "at_s"), [(20, 2.3), (30, 2.4)])
-def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(monkeypatch, cover_px_s, at_s):
-    scene = passed_by(speed_px_s=60, cover_px_s=cover_px_s, width=30, at_s=at_s, duration_s=2.4)
+@pytest.mark.parametrize(("cover_px_s", "width", "at_s"), [(30, 30, 2.3), (40, 24, 2.2)])
+def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(monkeypatch, cover_px_s, width, at_s):
+    scene = passed_by(speed_px_s=60, cover_px_s=cover_px_s, width=width, at_s=at_s, duration_s=2.4)
     frames = frames_of(scene)
 
     def at_the_end():
@@ -75,9 +75,8 @@ def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(
     assert seen > 0.75
     assert share > 0.85
     monkeypatch.setattr(contour_target, "COVERED_AFTER_S", 99.0)
-    unseen, share = at_the_end()
+    unseen, _ = at_the_end()
     assert unseen < 0.5
-    assert share < 0.75
 
 
 def test_what_was_covered_is_looked_for_by_all_of_it(monkeypatch):
