@@ -108,7 +108,7 @@ def test_what_a_single_part_of_the_time_draws_agrees_with_nothing():
 def test_parts_that_draw_the_same_are_alike_and_those_of_noise_are_not():
     assert agreement_of(points_often(), (0, 0))[1] == pytest.approx(1.0)
     rng = np.random.default_rng(2)
-    x, y = rng.uniform(-8, 8, (2, 60)) + [[30], [40]]
+    x, y = rng.uniform((22, 32), (38, 48), (60, 2)).T
     ages_s, polarities = -rng.uniform(0, 0.03, 60), rng.choice([-1, 1], 60)
     assert agreement_of(np.column_stack([x, y, ages_s, polarities]).astype(np.float32), (0, 0))[1] < 0.3
 
