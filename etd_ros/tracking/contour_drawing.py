@@ -133,8 +133,8 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
               cell_px: float, velocity: Float64Array, time_s: float, parts: Float32Array, room: Float32Array
               ) -> tuple[float, float]:  # fmt: skip
     """How well what the points draw in one part of a time agrees with what they draw in the others, when they are moved
-    back to where they began: the sum of their correlations, by which velocities are compared, and that in parts of what
-    it would be if all were alike, at most 1.
+    back to where they began. Returns the sum of their correlations over a power of what it would be if all were alike,
+    by which velocities are compared, and the sum in parts of that: 1 if all are alike, below 0 where On falls on Off.
 
     Contrast (Gallego et al. 2018) also grows with what a single part draws, so that a motion towards busy places wins,
     or, over the square of the number of points, one away from them. On and Off that fall together count half: flicker

@@ -19,7 +19,7 @@ from numba import njit
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Turn = tuple[float, float, float, float]
-"""Cells across by pixels to the right and down, and cells down by both."""
+"""Cells per pixel: across the model by pixels to the right and by pixels downwards, and down the model by both."""
 
 ALONG_X, ALONG_Y, TURNING, GROWING = range(4)
 """Parts of a motion."""
@@ -112,7 +112,7 @@ def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: 
     """Where points are now, moved on by their age: cells from the model's middle, across and down, into `places`, shape
     (2, points), of every `stride`-th one.
 
-    `x` and `y` are the model's middle (pixels); `turn` is of `to_cells`.
+    `x` and `y` are the model's middle (pixels); `turn` is what `to_cells` returns.
     """
     to_x, to_y = np.float32(x), np.float32(y)
     across_x, across_y, down_x, down_y = turn
@@ -230,8 +230,8 @@ def score_at(points: Float32Array, count: int, maps: Float32Array, norms: Float6
 def scores_of_shapes(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
                      shapes: Float64Array, cell_px: float, velocity: Float64Array, motion: Float64Array,
                      ridge_weight: float, scores: Float64Array) -> None:  # fmt: skip
-    """Scores of a pose if the model had other shapes, into `scores`: `shapes` says how many times as wide and high it
-    would be, and by how much it would be turned on (rad), shape (n, 3).
+    """Scores of a pose if the model had other shapes, into `scores`, shape (n,): `shapes` says how many times as wide
+    and as high it would be, and by how much further it would be turned (rad), shape (n, 3).
 
     A larger model has more cells to agree with: the norm of what it predicts grows by the root of its area.
     """

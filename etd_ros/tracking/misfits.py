@@ -50,7 +50,8 @@ class Misfits:
 
     What grows becomes wider and higher. What is not flat becomes wider or narrower alone when it is passed: its nearest
     parts overtake the others. So the model is stretched along both of its axes, each for itself, and the scale is off
-    by the harmonic mean of what they say, which is nearer to the lesser; by nothing where one says more, one less.
+    by the harmonic mean of what they say, which is nearer to the lesser; by nothing where one says more and one less,
+    or one says nothing.
 
     The score itself prefers shapes, whatever the target does: a smaller model has fewer points under it that are of
     other things, a larger one more lines of a background that goes on beyond it, and a line counts as far as the model
@@ -118,7 +119,8 @@ class Misfits:
     def _beside(
         self, sight: Sight, maps: Float32Array, norms: Float64Array
     ) -> tuple[float, Float64Array, Float64Array]:
-        """Scores of the model as it is, and a step less and a step more wide, high and turned, shape (3,)."""
+        """Scores of the model as it is, and a step less and a step more wide, high and turned, shape (3,): views that
+        the next call overwrites."""
         scores_of_shapes(
             sight.points, sight.count, maps, norms, sight.pose, self._shapes, self._cell_px, sight.velocity,
             sight.motion, self._ridge_weight, self._scores,

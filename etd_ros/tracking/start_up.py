@@ -21,8 +21,8 @@ STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
 ALIKE_ENOUGH = 0.5
-"""Where parts of the time are less alike than this at the best velocity, that is believed by as much less: few events
-agree at any velocity, and a lamp that flickers at all of them."""
+"""Where parts of the time are less alike than this at the best velocity, that is believed by as much less: some
+velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
 CHANGE_WEIGHT = 0.001
 """How much coherence a pixel of change (squared) has to bring."""
 LOOKS_KNOWN = 10
@@ -100,14 +100,16 @@ class StartUp:
         self._collected.append(kept)
 
     def _fit(self, events: Float32Array, time_s: float) -> None:
-        """The velocity with which the target's events agree best, near the one so far."""
+        """The velocity with which the target's events agree best, near the one believed so far, by how far it can be
+        believed."""
         everything = np.ones(len(events), np.float32)
         contours = self._contours
         velocity, alike = self._coherent(events, time_s, everything, self._weight, contours.velocity)
         contours.velocity = min(1.0, max(0.0, alike) / ALIKE_ENOUGH) * velocity
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:
-        """Fit the velocity again, to events by how much better they agree at it than at that of the ring."""
+        """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been
+        believed for APART_PX."""
         velocity = ring = self._contours.velocity
         events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
         of_pixel = _shares_of_pixels(events)

@@ -79,6 +79,24 @@ def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(
     assert unseen < 0.5
 
 
+def test_the_size_of_what_is_covered_is_not_fitted(monkeypatch):
+    scene = scene_of(Waypoint(0, 60, 90, 1.0), Waypoint(1, 160, 90, 1.3))
+    frames = frames_of(scene)
+
+    def growth():
+        return tracked(scene, frames=frames)[-1][1].box.w / SIZE
+
+    assert growth() > 1.2
+    weigh = contours.CellTrust.weigh
+
+    def say_covered(self, *memories, sees_covers):
+        weigh(self, *memories, sees_covers=sees_covers)
+        self.covered = 1.0
+
+    monkeypatch.setattr(contours.CellTrust, "weigh", say_covered)
+    assert growth() == pytest.approx(1.0, rel=0.01)
+
+
 def test_what_was_covered_is_looked_for_by_all_of_it(monkeypatch):
     scene = passed_by(speed_px_s=80, cover_px_s=0, width=50, at_s=1.0, duration_s=1.9)
     frames = frames_of(scene)
