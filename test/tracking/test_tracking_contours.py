@@ -13,8 +13,7 @@ from etd_ros.conversion import AtsltdConfig
 from etd_ros.engine import FrameSource
 from etd_ros.events import Events
 from etd_ros.settings import Settings
-from etd_ros.simulation import Path, Recipe, Sprite, Waypoint, make_scene
-from etd_ros.simulation.motion import Flicker
+from etd_ros.simulation import Flicker, Path, Recipe, Sprite, Waypoint, make_scene
 from etd_ros.simulation.textures import checks
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up, steady_motion
 from etd_ros.tracking.contour_drawing import coherence
@@ -168,8 +167,7 @@ def test_a_target_starts_where_it_was_at_its_stamp_not_where_the_first_frame_fin
 
 def test_a_target_whose_light_flickers_starts_where_it_is(monkeypatch):
     scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 120, 90), duration_s=0.4)
-    lamp = replace(scene.sprites[0], flicker=Flicker(100.0, 0.2))
-    scene = replace(scene, sprites=(lamp,))
+    scene = replace(scene, sprites=(replace(scene.sprites[0], flicker=Flicker(100.0, 0.2)),))
     frames = frames_of(scene)
 
     def mean_overlap():

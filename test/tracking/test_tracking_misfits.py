@@ -118,8 +118,9 @@ def test_what_the_score_prefers_is_known_from_the_first_look_on():
 
 
 def test_misfits_are_half_a_step_at_most():
-    model = model_of(sight_of(square()))
-    assert misfits().measure(sight_of(square(wide=1.2, high=1.2)), *model)[0] == pytest.approx(0.02)
+    for thing, larger in ((triangle(), triangle(size=1.2)), (square(), square(wide=1.2, high=1.2))):
+        off, _ = misfits().measure(sight_of(larger), *model_of(sight_of(thing)))
+        assert off == pytest.approx(0.02, rel=0, abs=1e-12)
 
 
 @pytest.mark.parametrize("times", [0.97, 1.03])
