@@ -50,12 +50,12 @@ class AtsltdConfig(Parameters):
         choices=(ENTROPY_SENSOR, ENTROPY_TARGETS),
     )
     fine_share: float = parameter(
-        0.6,
-        "Fine frames (etd-plus) end at this share of nzge_interval: about a pixel of motion instead of three",
+        0.45,
+        "Fine frames (etd-plus) end at this share of nzge_interval: about half a pixel of motion instead of three",
         low=0.01,
         high=1.0,
     )
-    fine_max_duration_s: float = parameter(0.01, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9)
+    fine_max_duration_s: float = parameter(0.005, "Longest fine frame (s)", low=1e-6, high=DURATION_MAX_NS / 1e9)
     fine_min_duration_s: float = parameter(
         0.001,
         "Shortest fine frame that NZGE ends (s): where events are many, frames would be more than a tracker can take",

@@ -128,13 +128,13 @@ class ContourTarget:
             self._start_up = StartUp(self._contours)
             self._updated_ns = stamp_ns
         self._check_sight(stamp_ns)
-        due = self._contours.take(self._surface)
+        new_events = self._contours.keep(self._surface)
         if self._state is not TargetState.TRACKING:
             self._look_for_it(stamp_ns, image)
-        elif due and self._start_up is not None:
-            if self._start_up.look(self._surface):
+        elif self._start_up is not None:
+            if self._start_up.take(self._surface, new_events):
                 self._start_up = None
-        elif due:
+        elif self._contours.is_due(stamp_ns):
             self._follow(stamp_ns)
         if self._state is not TargetState.TRACKING:
             return TargetReport(self.name, self.state, self._held, 0.0)

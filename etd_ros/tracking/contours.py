@@ -45,8 +45,10 @@ EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
 EVENTS_SHARE = 0.3
 """A look waits for this share of the events that a pixel of motion brings."""
-WAIT_MAX_S = 0.03
-WAIT_MAX_PX = 1.5
+WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
+WAIT_MIN_PX, WAIT_MAX_PX = 0.6, 1.5
+"""A look waits for so much time or motion of the target's own, whatever ends the frames; its box moves on meanwhile.
+After the longer ones it does not wait for events."""
 SPAN_MIN_S = 0.002
 VELOCITY_PX = 2.0
 VELOCITY_S = (0.004, 0.05)
@@ -176,13 +178,21 @@ class Contours:
         since_s = self._since_s(stamp_ns)
         return float(self.pose[0] + self.velocity[0] * since_s), float(self.pose[1] + self.velocity[1] * since_s)
 
-    def take(self, surface: TimeSurface) -> bool:
-        """Keep the surface up to date round the target; whether it is time for a look."""
+    def keep(self, surface: TimeSurface) -> int:
+        """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
         box = self.box_at(*self.predicted(surface.stamp_ns)).scaled(MARGIN)
-        self._events_waiting += surface.keep(surface.window(box, KEPT_MARGIN_PX))
-        elapsed_s = self._since_s(surface.stamp_ns)
+        new = surface.keep(surface.window(box, KEPT_MARGIN_PX))
+        self._events_waiting += new
+        return new
+
+    def is_due(self, stamp_ns: int) -> bool:
+        """Whether it is time for a look; the events for the next one count from then on."""
+        elapsed_s = self._since_s(stamp_ns)
+        moved_px = self.speed_px_s * elapsed_s
+        if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
+            return False
         wanted = max(EVENTS_MIN, EVENTS_SHARE * (self._events_per_px or 0.0))
-        if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and self.speed_px_s * elapsed_s < WAIT_MAX_PX:
+        if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and moved_px < WAIT_MAX_PX:
             return False
         self._events_waiting = 0
         return True

@@ -17,6 +17,9 @@ LOOKS = 10
 """Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
 MOTION_MIN_PX, MOTION_MAX_PX = 2.0, 8.0
 TIME_MAX_S = 0.5
+LOOK_S, LOOK_EVENTS = 0.005, 2.0
+"""A look of the start waits for this time, or for so many events for each pixel of the box's width and height. Frames
+may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
 EVENTS_MIN = 20
@@ -25,6 +28,9 @@ ALIKE_ENOUGH = 0.5
 velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
 CHANGE_WEIGHT = 0.001
 """How much coherence a pixel of change (squared) has to bring."""
+REST_WEIGHT = 0.1
+"""How much coherence a pixel of motion since the start has to bring, over the root of the number of events: of few,
+some motion always agrees better than the right one."""
 LOOKS_KNOWN = 10
 PARTS = 4
 """The time so far is taken in so many parts, whose events have to agree."""
@@ -67,12 +73,25 @@ class StartUp:
         self._room = np.zeros((2, rows, columns), np.float32)
         self._ring = np.asarray(1 - self._weight, np.float32)
         self._collected: list[Float32Array] = []
+        self._looked_at_ns: int | None = None
+        self._events_waiting = 0
 
-    def look(self, surface: TimeSurface) -> bool:
-        """Take the newest events; whether the start is over and the model is known."""
+    def take(self, surface: TimeSurface, new_events: int) -> bool:
+        """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
+        the model is known."""
+        if self._looked_at_ns is None:
+            self._looked_at_ns = surface.start_ns
+        elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
+        self._events_waiting += new_events
+        if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._contours.size_px):
+            return False
+        self._looked_at_ns = surface.stamp_ns
+        self._events_waiting = 0
+        return self._look(surface, elapsed_s)
+
+    def _look(self, surface: TimeSurface, elapsed_s: float) -> bool:
+        """Take the events of this time (s); whether the start is over and the model is known."""
         contours = self._contours
-        since_ns = contours.stamp_ns if self._collected else surface.start_ns
-        elapsed_s = (surface.stamp_ns - since_ns) * 1e-9
         x, y = contours.predicted(surface.stamp_ns)
         window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
@@ -127,17 +146,19 @@ class StartUp:
     ) -> tuple[Float64Array, float]:
         """The velocity (pixels/s) of the greatest coherence, coarse to fine, and how alike the parts are at it."""
         best, best_alike = so_far, 0.0
+        by_chance = REST_WEIGHT / math.sqrt(len(events))
         for step_px, reach in STEPS_PX:
             middle, top = best, -np.inf
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):
                     velocity = middle + np.array([i, j]) * (step_px / time_s)
-                    change_px = float(((velocity - so_far) ** 2).sum()) * time_s**2
+                    change_px = math.dist(velocity, so_far) * time_s
+                    moved_px = math.hypot(*velocity) * time_s
                     agreement, alike = coherence(
                         events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts,
                         self._room,
                     )  # fmt: skip
-                    agreement *= math.exp(-CHANGE_WEIGHT * change_px)
+                    agreement *= math.exp(-CHANGE_WEIGHT * change_px**2 - by_chance * moved_px)
                     if agreement > top:
                         best, top, best_alike = velocity, agreement, alike
         return best, best_alike
