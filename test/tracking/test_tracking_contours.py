@@ -143,7 +143,7 @@ def test_a_target_with_no_stamp_that_is_lost_is_looked_for_when_time_goes_back()
     frames = frames_of(scene)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
     tracker.start("thing", scene.box("thing", 0.0))
-    hidden = [frame for frame in frames if (frame.stamp_ns - START_NS) * 1e-9 < 0.75]
+    hidden = [frame for frame in frames if (frame.stamp_ns - START_NS) * 1e-9 < 0.78]
     for frame in hidden:
         (report,) = tracker.update(frame.stamp_ns, frame.data)
     assert scene.visible_share("thing", 0.7) < 0.5
@@ -197,7 +197,7 @@ def with_restless_pixels(events, box, *, pixels, period_us):
 
 def test_pixels_that_fire_again_and_again_do_not_slow_a_start(monkeypatch):
     scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90), duration_s=0.3)
-    events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=150, period_us=5000)
+    events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=100, period_us=6000)
     frames = list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
 
     def mean_overlap():

@@ -62,7 +62,7 @@ def passed_by(*, speed_px_s, cover_px_s, width, at_s, duration_s):
     return scene_of(Waypoint(0, 40, 90), end, duration_s=duration_s, cover=(cover,))
 
 
-@pytest.mark.parametrize(("cover_px_s", "width", "at_s"), [(30, 30, 2.3), (40, 24, 2.2)])
+@pytest.mark.parametrize(("cover_px_s", "width", "at_s"), [(35, 30, 2.3), (40, 24, 2.2)])
 def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(monkeypatch, cover_px_s, width, at_s):
     scene = passed_by(speed_px_s=60, cover_px_s=cover_px_s, width=width, at_s=at_s, duration_s=2.4)
     frames = frames_of(scene)
