@@ -56,9 +56,10 @@ class Standing:
         """Where it stands now."""
         return cls(contours.stamp_ns, contours.pose.copy(), contours.velocity.copy())
 
-    def predicted(self, stamp_ns: int) -> Float64Array:
-        """Where its centre is at a time (ns), if the motion goes on: float64, x and y (pixels)."""
-        return np.asarray(self.pose[:2] + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9)
+    def predicted(self, stamp_ns: int) -> tuple[float, float]:
+        """Where its centre is at a time (ns), if the motion goes on (pixels)."""
+        (x, y), (right, down), since_ns = self.pose[:2].tolist(), self.velocity.tolist(), stamp_ns - self.stamp_ns
+        return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +74,9 @@ class _Seen:
     confidence: float
     confidence_if_turned: float
 
-    def predicted(self, stamp_ns: int) -> Float64Array:
-        return np.array([self.x, self.y]) + self.velocity * (stamp_ns - self.stamp_ns) * 1e-9
+    def predicted(self, stamp_ns: int) -> tuple[float, float]:
+        (right, down), since_ns = self.velocity.tolist(), stamp_ns - self.stamp_ns
+        return self.x + right * since_ns * 1e-9, self.y + down * since_ns * 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +160,7 @@ class ContourSearch:
         contours, surface = self._contours, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        contours.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
+        contours.pose[:2] = min(max(x, 0.0), surface.width - 1), min(max(y, 0.0), surface.height - 1)
         contours.velocity[:] = self._before.velocity
         contours.stamp_ns = surface.stamp_ns
 
@@ -237,7 +239,7 @@ class ContourSearch:
         if seen is not None:
             stamp_ns = self._surface.stamp_ns
             unseen_s = (stamp_ns - seen.stamp_ns) * 1e-9
-            x, y = seen.predicted(stamp_ns).tolist()
+            x, y = seen.predicted(stamp_ns)
             if unseen_s < COAST_S:
                 places.append(_Place(x, y, seen.velocity, unseen_s))
         return places
@@ -266,7 +268,7 @@ class ContourSearch:
         """The best place near where the candidate's motion would have brought it; or elsewhere, if that is better."""
         last, stamp_ns = self._path[-1], self._surface.stamp_ns
         self._contours.velocity[:] = last.velocity
-        x, y = last.predicted(stamp_ns).tolist()
+        x, y = last.predicted(stamp_ns)
         sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
         radius_px = NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9
         look = self._contours.look_at(self._surface, x, y, min(radius_px, RADIUS_MAX_PX))

@@ -128,7 +128,7 @@ class Contours:
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        scale, angle = float(self.pose[SCALE]), float(self.pose[ANGLE])
+        scale, angle = self.pose[SCALE:].tolist()
         across, down = self.size_px[0] * scale, self.size_px[1] * scale
         if angle == 0:
             return Box(x - across / 2, y - down / 2, across, down)
@@ -175,8 +175,8 @@ class Contours:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
-        since_s = self._since_s(stamp_ns)
-        return float(self.pose[0] + self.velocity[0] * since_s), float(self.pose[1] + self.velocity[1] * since_s)
+        (x, y), (right, down), since_s = self.pose[:2].tolist(), self.velocity.tolist(), self._since_s(stamp_ns)
+        return x + right * since_s, y + down * since_s
 
     def keep(self, surface: TimeSurface) -> int:
         """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
