@@ -63,7 +63,7 @@ def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository
         ),
         "the nodes are linked",
     )
-    # Half as fast: at 555 frames a second, an image for each of them is more than two cores bring through four processes.
+    # Half as fast: an image for each of 555 frames a second is more than two cores bring through four processes.
     bench.start("replay", str(recording), "--loop", "--rate", "0.5", "--wait-for", "2")
     bench.wait_until(lambda: all(len(rounds(found)) > 2 for found in stamps.values()), "two rounds are over")
 
