@@ -12,15 +12,15 @@ import argparse
 import itertools
 import sys
 import zlib
-from bisect import bisect_right
 from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
-from etd_ros.boxes import Box
 from etd_ros.engine import track
+from etd_ros.evaluation.scoring import SUCCESS_IOU, label_overlaps
 from etd_ros.evaluation.suite import START_NS, of_each
+from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.events import Events, concatenate
 from etd_ros.simulation import Scene, Sequence, random_sequences, true_boxes
@@ -31,7 +31,6 @@ STARTS_S = (0.1, 0.4, 0.7, 1.0)
 STEP_S, STEPS = 0.01, 30
 BEFORE_NS, AFTER_NS = 30_000_000, 5_000_000
 MESSAGE_NS = 4_000_000
-BAD_IOU = 0.5
 
 
 def starts_of(sequence: Sequence, lost: float) -> list[list[float]]:
@@ -50,12 +49,13 @@ def _overlaps(scene: Scene, events: Events, start_s: float, lost: float) -> Iter
     start_ns, end_ns = (START_NS + round(times_s[index] * 1e9) for index in (0, -1))
     first, last = np.searchsorted(events.t, [start_ns - BEFORE_NS, end_ns + AFTER_NS]).tolist()
     starts = [TargetStart(name, labels[0].box, labels[0].stamp_ns) for name, labels in truth.items()]
-    boxes: dict[str, list[tuple[int, Box | None]]] = {name: [] for name in truth}
+    rows: dict[str, list[TrackRow]] = {name: [] for name in truth}
     for step in track(_arriving(events[first:last], lost), starts, threads=False):
         for report in step.reports:
-            boxes[report.name].append((step.frame.stamp_ns, report.box))
+            row = TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value)
+            rows[report.name].append(row)
     for name, labels in truth.items():
-        yield [_overlap(boxes[name], label) for label in labels[1:]]
+        yield label_overlaps(rows[name], labels[1:])
 
 
 def _labels(scene: Scene, name: str, times_s: list[float]) -> list[TimedBox]:
@@ -72,12 +72,6 @@ def _arriving(events: Events, lost: float) -> Iterator[StreamBatch]:
             yield from guard.feed(events[first:last], seq)
 
 
-def _overlap(boxes: list[tuple[int, Box | None]], label: TimedBox) -> float:
-    index = bisect_right(boxes, label.stamp_ns, key=lambda row: row[0])
-    box = boxes[index - 1][1] if index else None
-    return box.iou(label.box) if box is not None else 0.0
-
-
 def main() -> None:
     """Print the mean IoU of all starts, and how many have none of 0.5 left after 0.3 s."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -87,8 +81,8 @@ def main() -> None:
     first, last = options.seeds
     of_scenes = of_each(partial(starts_of, lost=options.lost), random_sequences(range(first, last)), jobs=2)
     overlaps = np.array([start for scene in of_scenes for start in scene])
-    bad = int((overlaps[:, -1] < BAD_IOU).sum())
-    figures = f"mean IoU {overlaps.mean():.3f}, {bad} below {BAD_IOU} after 0.3 s"
+    bad = int((overlaps[:, -1] < SUCCESS_IOU).sum())
+    figures = f"mean IoU {overlaps.mean():.3f}, {bad} below {SUCCESS_IOU} after 0.3 s"
     sys.stdout.write(f"{len(overlaps)} starts: {figures}\n")
 
 

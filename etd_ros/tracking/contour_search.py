@@ -43,6 +43,12 @@ BORDER_PX, BORDER_S = 2.0, 0.03
 """What comes back over the border is this near to it when it is seen first, or this time away."""
 
 
+def _moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:
+    """Where a motion (pixels/s) has brought a place (pixels) after a time (ns)."""
+    right, down = velocity.tolist()
+    return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
+
+
 @dataclass(frozen=True, slots=True)
 class Standing:
     """Where a target stood: at stamp_ns its pose and velocity, as those of `Contours`."""
@@ -58,8 +64,8 @@ class Standing:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where its centre is at a time (ns), if the motion goes on (pixels)."""
-        (x, y), (right, down), since_ns = self.pose[:2].tolist(), self.velocity.tolist(), stamp_ns - self.stamp_ns
-        return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
+        x, y = self.pose[:2].tolist()
+        return _moved_on(x, y, self.velocity, stamp_ns - self.stamp_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +81,7 @@ class _Seen:
     confidence_if_turned: float
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
-        (right, down), since_ns = self.velocity.tolist(), stamp_ns - self.stamp_ns
-        return self.x + right * since_ns * 1e-9, self.y + down * since_ns * 1e-9
+        return _moved_on(self.x, self.y, self.velocity, stamp_ns - self.stamp_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +165,7 @@ class ContourSearch:
         contours, surface = self._contours, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        contours.pose[:2] = min(max(x, 0.0), surface.width - 1), min(max(y, 0.0), surface.height - 1)
+        contours.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
         contours.velocity[:] = self._before.velocity
         contours.stamp_ns = surface.stamp_ns
 
