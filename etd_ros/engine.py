@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -250,6 +251,7 @@ def make_tracker(
     searches: bool = False,
     clicks: bool = False,
     auto: bool = False,
+    search_wait_s: float = math.inf,
 ) -> MultiTracker:
     """The tracking stage of a method.
 
@@ -261,6 +263,7 @@ def make_tracker(
         searches: whether its reports say how the targets were looked for.
         clicks: whether targets may be started by clicks.
         auto: whether moving objects become targets by themselves; clicks are taken, too.
+        search_wait_s: how long the search of an image is waited for (s), as for `MultiTracker`.
 
     Raises:
         TrackingError: an unknown method.
@@ -272,7 +275,15 @@ def make_tracker(
     detector = EdgeBoxes(settings.detection)
     starter = Starter(width, height, settings.discovery, auto=auto) if clicks or auto else None
     return MultiTracker(
-        width, height, settings.tracking, detector, recovery, contours, searches=searches, starter=starter
+        width,
+        height,
+        settings.tracking,
+        detector,
+        recovery,
+        contours,
+        searches=searches,
+        starter=starter,
+        search_wait_s=search_wait_s,
     )
 
 

@@ -11,10 +11,11 @@ import numpy.typing as npt
 from sensor_msgs.msg import Image
 
 from etd_ros.conversion import ENTROPY_TARGETS, Frame
-from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, make_tracker, nzge_interval
+from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, nzge_interval
 from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
+from etd_ros.nodes.node_tracker import check_tracker, node_tracker
 from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_input import TargetInput
 from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
@@ -64,7 +65,7 @@ class Pipeline(EtdNode):
 
     def configure(self) -> None:
         """Make the stages, each for a thread of its own."""
-        make_tracker(self.options.method, 1, 1, self.settings)
+        check_tracker(self)
         method = self._method = method_named(self.options.method)
         self._regions = SearchRegions()
         self._frame_sources = PerSensor(
@@ -201,9 +202,7 @@ class Pipeline(EtdNode):
         frame_id = origin.frame_id
         height, width = shape = frame.data.shape[:2]
         if self._tracker is None or shape != self._tracker_shape:
-            self._tracker = make_tracker(
-                self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
-            )
+            self._tracker = node_tracker(self, width, height)
             self._tracker_shape = shape
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
         self._targets.start_new(self._tracker)

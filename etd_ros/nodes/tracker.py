@@ -13,9 +13,9 @@ import numpy.typing as npt
 from sensor_msgs.msg import Image
 
 from etd_ros.cadence import Cadence
-from etd_ros.engine import make_tracker
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.connections import Arrivals
+from etd_ros.nodes.node_tracker import check_tracker, node_tracker
 from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_input import TargetInput
 from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
@@ -100,7 +100,7 @@ class Tracker(EtdNode):
 
     def configure(self) -> None:
         """Make what does not wait for a frame to tell the sensor's size."""
-        make_tracker(self.options.method, 1, 1, self.settings)
+        check_tracker(self)
         method = method_named(self.options.method)
         self._recovers = method.recovers
         self._cadence = Cadence(method.image_interval_s)
@@ -188,9 +188,7 @@ class Tracker(EtdNode):
         height, width = frame.data.shape[:2]
         if self._tracker is None or (width, height) != self._size:
             self._size = (width, height)
-            self._tracker = make_tracker(
-                self.options.method, width, height, self.settings, clicks=True, auto=self.options.auto
-            )
+            self._tracker = node_tracker(self, width, height)
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)

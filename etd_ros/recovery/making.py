@@ -36,6 +36,16 @@ def make_recovery(config: RecoveryConfig | None = None) -> Callable[[], Recovery
     return lambda: OpenCvRecovery(config, make_tracker)
 
 
+def network_is_there(config: RecoveryConfig, timeout_s: float) -> bool:
+    """Whether all that `make_recovery` loads beside its caller's work is loaded; waits so long for it (s).
+
+    Raises:
+        RecoveryError: as `make_recovery` does, or what is loaded cannot be.
+    """
+    name = chosen_tracker(config.tracker)
+    return name not in NETWORKS or _matcher(name, config).wait(timeout_s)
+
+
 def chosen_tracker(name: str) -> str:
     """The tracker that a name stands for: `auto` is the network where its libraries are; says once which.
 
@@ -73,9 +83,13 @@ def _siamese_maker(name: str, config: RecoveryConfig) -> Callable[[], RecoveryTr
     if name == SIAMRPN and not config.siamrpn_model:
         msg = f"recovery tracker {SIAMRPN!r} needs a model: set the parameter siamrpn_model to a DaSiamRPN file"
         raise RecoveryError(msg)
-    file = config.siamrpn_model if name == SIAMRPN else config.compact_model
-    matcher = _network(name, file, modified_ns(file))
+    matcher = _matcher(name, config)
     return lambda: SiameseRecovery(matcher, config)
+
+
+def _matcher(name: str, config: RecoveryConfig) -> BackgroundMatcher:
+    file = config.siamrpn_model if name == SIAMRPN else config.compact_model
+    return _network(name, file, modified_ns(file))
 
 
 def modified_ns(file: str) -> int:

@@ -80,9 +80,13 @@ class _Background(Generic[Network, Crops]):
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery network")
         self._loading = self._thread.submit(load)
 
-    def wait(self) -> None:
-        """Return once the network is there; raise what its loading raised."""
-        self._loading.result()
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Return once the network is there, or after so long (s); whether it is. Raises what its loading raised."""
+        try:
+            self._loading.result(timeout_s)
+        except TimeoutError:
+            return False
+        return True
 
     def ask(self, question: Callable[[Network], Result]) -> Result:
         """The answer of the network; raises what the loading raised."""

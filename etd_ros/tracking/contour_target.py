@@ -9,14 +9,13 @@ have brought it, and the recovery tracker searches the images.
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 from etd_ros.boxes import Box
-from etd_ros.recovery.interface import Found, RecoveryTracker
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
 from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
@@ -61,11 +60,6 @@ UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 the look is a wide one."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
-REMEMBER_NS = 25_000_000
-IMAGE_SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
-"""After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
-answer counts from the next search on, however long it took."""
-_SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
 class ContourTarget:
@@ -80,6 +74,7 @@ class ContourTarget:
         contours: ContourConfig,
         surface: TimeSurface,
         recovery_factory: RecoveryFactory | None,
+        search_wait_s: float = math.inf,
     ) -> None:
         self.name = name
         self.start_box = box
@@ -88,14 +83,14 @@ class ContourTarget:
         self._contour_config = contours
         self._surface = surface
         self._recovery_factory = recovery_factory
+        self._search_wait_s = search_wait_s
         self._state: TargetState
         self._contours: Contours
         self._start_up: StartUp | None
-        self._recovery: RecoveryTracker | None
+        self._images: ImageSearch
         self._usual: UsualLooks
         self._steady: SteadyMotion
         self._confidence: float
-        self._answer: Future[Found | None] | None
         self._held: Box | None
         self._sure: Standing | None
         self._search: ContourSearch
@@ -138,7 +133,8 @@ class ContourTarget:
             self._follow(stamp_ns)
         if self._state is not TargetState.TRACKING:
             return TargetReport(self.name, self.state, self._held, 0.0)
-        self._remember(stamp_ns, image)
+        is_sure = self._start_up is None and self._failing_s == 0
+        self._images.remember(stamp_ns, image, self._contours.box, is_sure=is_sure)
         box = self._contours.box_at(*self._contours.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
 
@@ -150,7 +146,7 @@ class ContourTarget:
         self._contours.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
         self._contours.uncover()
-        self._searched_at_ns = self._remembered_at_ns = stamp_ns
+        self._images.time_went_back(stamp_ns)
         self._sure = None
         self._failing_s = self._quiet_s = 0.0
         self._steady.forget()
@@ -162,14 +158,13 @@ class ContourTarget:
         self._state = TargetState.IDLE
         self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
         self._start_up = StartUp(self._contours)
-        self._recovery = self._recovery_factory() if self._recovery_factory else None
+        recovery = self._recovery_factory() if self._recovery_factory else None
+        self._images = ImageSearch(recovery, self._search_wait_s)
         self._usual = UsualLooks()
         self._steady = SteadyMotion()
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
-        self._searched_at_ns = self._updated_ns = 0
-        self._remembered_at_ns = -REMEMBER_NS
-        self._answer = None
+        self._updated_ns = 0
         self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
@@ -349,7 +344,7 @@ class ContourTarget:
         if self._before is self._sure and not has_left:
             contours.restore_memories()
         contours.uncover()
-        self._searched_at_ns = stamp_ns
+        self._images.begin(stamp_ns)
         self._search_from(stamp_ns if since_ns is None else since_ns, has_left=has_left)
 
     def _search_from(self, stamp_ns: int, *, has_left: bool) -> None:
@@ -370,7 +365,9 @@ class ContourTarget:
             self._state = TargetState.LOST
         search.coast()
         search.keep()
-        answer = self._answer_from_images(stamp_ns, image)
+        answer = None
+        if self._held is None:
+            answer = self._images.found(stamp_ns, image, self._state, self.last_box)
         if answer is not None:
             self._contours.pose[:2] = answer.box.center
             self._contours.stop()
@@ -384,24 +381,3 @@ class ContourTarget:
         self._held = None
         self._failing_s = self._quiet_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score
-
-    def _answer_from_images(self, stamp_ns: int, image: FrameData | None) -> Found | None:
-        """Have the recovery tracker search this image beside the frames to come; its answer to the last one."""
-        due = stamp_ns - self._searched_at_ns >= IMAGE_SEARCH_NS[self._state]
-        if self._recovery is None or image is None or not due or self._held is not None:
-            return None
-        answer = self._answer.result() if self._answer is not None else None
-        self._searched_at_ns = stamp_ns
-        self._answer = None if answer else _SEARCHES.submit(self._recovery.search, image.copy(), self.last_box)
-        return answer
-
-    def _remember(self, stamp_ns: int, image: FrameData | None) -> None:
-        if self._answer is not None:
-            self._answer.result()
-            self._answer = None
-        sure = self._start_up is None and self._failing_s == 0
-        if self._recovery is None or image is None or stamp_ns - self._remembered_at_ns < REMEMBER_NS:
-            return
-        if sure or self._remembered_at_ns < 0:
-            self._remembered_at_ns = stamp_ns
-            self._recovery.remember(image, self._contours.box)

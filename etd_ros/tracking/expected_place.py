@@ -17,7 +17,7 @@ AGREEING_LOOKS, AGREEING_NS = 4, 30_000_000
 """Looks that agree for so long, and are so many, count for more than one sure look."""
 CONFIDENCE_HERE = 0.4
 """From where on looks that agree with where the target should be are of it: half of it may still be covered."""
-RADIUS_PX, NEXT_RADIUS_PX, DRIFT_PX = 6, 2, 2.0
+RADIUS_PX, NEXT_RADIUS_PX, DRIFT_PX = 6.0, 2.0, 2.0
 """How far from the expected place it is looked for, from the last look, and how far looks that agree may drift off."""
 
 

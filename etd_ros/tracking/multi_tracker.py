@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -36,6 +37,8 @@ class MultiTracker:
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
         searches: whether reports say how each target was looked for, to be drawn.
         starter: starts targets without a box: at clicks, or by themselves.
+        search_wait_s: how long after the search of an image began its answer is waited for (s); one that takes longer
+            counts when it is there. inf: results do not depend on how fast the machine is.
 
     Attributes:
         targets_max: where there are so many targets and clicks that wait, nothing starts by itself; None: no limit.
@@ -52,6 +55,7 @@ class MultiTracker:
         *,
         searches: bool = False,
         starter: Starter | None = None,
+        search_wait_s: float = math.inf,
     ) -> None:
         self._width = width
         self._height = height
@@ -61,6 +65,7 @@ class MultiTracker:
         self._contours = contours
         self._searches = searches
         self._starter = starter
+        self._search_wait_s = search_wait_s
         self.targets_max: int | None = None
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
@@ -118,7 +123,16 @@ class MultiTracker:
     def _made(self, name: str, box: Box, stamp_ns: int) -> Target | ContourTarget:
         if self._contours is None:
             return Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
-        return ContourTarget(name, box, stamp_ns, self._config, self._contours, self._surface, self._recovery_factory)
+        return ContourTarget(
+            name,
+            box,
+            stamp_ns,
+            self._config,
+            self._contours,
+            self._surface,
+            self._recovery_factory,
+            self._search_wait_s,
+        )
 
     def click(self, click: Click) -> None:
         """Track the moving object round a point, once something moves there; `take_notices` says if nothing does.

@@ -1,0 +1,82 @@
+"""Has recovery look for one lost target on the intensity images, beside the frames to come."""
+
+from __future__ import annotations
+
+import math
+import time
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+
+from etd_ros.boxes import Box
+from etd_ros.recovery.interface import Found, RecoveryTracker
+from etd_ros.tracking.target import FrameData, TargetState
+
+REMEMBER_NS = 25_000_000
+SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
+"""After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
+answer counts from the next search on, however long it took."""
+_SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
+
+
+class ImageSearch:
+    """One target's recovery tracker; nothing is remembered or found where there is none.
+
+    Args:
+        recovery: the target's own.
+        wait_s: how long after the search of an image began its answer is waited for (s), inf: always.
+    """
+
+    def __init__(self, recovery: RecoveryTracker | None, wait_s: float) -> None:
+        self._recovery = recovery
+        self._wait_s = wait_s
+        self._answer: Future[Found | None] | None = None
+        self._asked_s = 0.0
+        self._counts = False
+        self._searched_ns = 0
+        self._remembered_ns: int | None = None
+
+    def begin(self, stamp_ns: int) -> None:
+        """The target is lost from now on (ns)."""
+        self._searched_ns = stamp_ns
+        self._counts = False
+
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream starts again at `stamp_ns` (ns)."""
+        self._searched_ns = stamp_ns
+        if self._remembered_ns is not None:
+            self._remembered_ns = stamp_ns
+
+    def found(self, stamp_ns: int, image: FrameData | None, state: TargetState, last_box: Box) -> Found | None:
+        """Have this image (uint8, shape (height, width)) searched if it is time; the answer to the one before."""
+        is_due = stamp_ns - self._searched_ns >= SEARCH_NS[state]
+        if self._recovery is None or image is None or not is_due or self._is_searching():
+            return None
+        answer = self._answer.result() if self._answer is not None and self._counts else None
+        self._searched_ns = stamp_ns
+        self._answer, self._counts = None, True
+        if answer is None:
+            self._answer = _SEARCHES.submit(self._recovery.search, image.copy(), last_box)
+            self._asked_s = time.monotonic()
+        return answer
+
+    def remember(self, stamp_ns: int, image: FrameData | None, box: Box, *, is_sure: bool) -> None:
+        """Have an image remembered on which the target is at a box, if it is time: the first one in any case."""
+        if self._is_searching():
+            return
+        if self._answer is not None:
+            self._answer.result()
+            self._answer = None
+        is_first = self._remembered_ns is None
+        is_due = self._remembered_ns is None or stamp_ns - self._remembered_ns >= REMEMBER_NS
+        if self._recovery is None or image is None or not is_due:
+            return
+        if is_sure or is_first:
+            self._remembered_ns = stamp_ns
+            self._recovery.remember(image, box)
+
+    def _is_searching(self) -> bool:
+        """Whether an image is still searched; waits for that as long as is allowed."""
+        if self._answer is None:
+            return False
+        left_s = self._wait_s - (time.monotonic() - self._asked_s)
+        wait([self._answer], max(0.0, left_s) if math.isfinite(left_s) else None)
+        return not self._answer.done()
