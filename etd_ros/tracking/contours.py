@@ -234,7 +234,7 @@ class Contours:
         maps, norms, velocity, motion = self._maps, self._norms, self.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, self.pose, config.ridge_weight,
-            any_motion, radius_px,
+            any_motion, float(radius_px),
         )  # fmt: skip
         motion[:2] += pose[:2] - self.pose[:2]
         score, events, *direction = score_at(

@@ -27,7 +27,7 @@ from etd_ros.recordings import open_recording
 from etd_ros.settings import STAGES as ALL
 from etd_ros.settings import Settings, settings_from_mapping
 from etd_ros.stream import StreamBatch
-from etd_ros.tracking import METHODS
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, TargetState
 from etd_ros.warm_up import warm_up
 from msg_adapters import ENCODINGS
 
@@ -38,6 +38,8 @@ NODES = {
     "pipeline": tuple(ALL),
     "nothing": (),
 }
+TARGET_SHARE, NOISE_SHARE = 0.3, 0.05
+FRAME_NS = 10_000_000
 PACKET, ARRAY = "event_camera_msgs/msg/EventPacket", "dvs_msgs/msg/EventArray"
 
 
@@ -98,16 +100,22 @@ def reconstruct(batch: StreamBatch) -> None:
 
 
 def track() -> None:
-    """A target on frames as the pipeline makes them, and as a tracker node gets them: nobody may write to those."""
+    """A target that comes, goes and comes back, on frames as the pipeline makes them, and as a tracker node gets them:
+    nobody may write to those."""
     rng = np.random.default_rng(1)
+    target = rng.integers(0, 255, (60, 60, 2), np.uint8) * (rng.random((60, 60, 1)) < TARGET_SHARE)
     for method, writeable in itertools.product(METHODS, (True, False)):
         tracker = make_tracker(method, 128, 128, Settings())
         tracker.start("target", Box(20, 20, 60, 60))
-        for stamp_ns in range(0, 300_000_000, 10_000_000):
-            frame = rng.integers(0, 255, (128, 128, 2), np.uint8)
+        states = set()
+        for step in range(80):
+            frame = rng.integers(0, 255, (128, 128, 2), np.uint8) * (rng.random((128, 128, 1)) < NOISE_SHARE)
+            if not 30 <= step < 60:
+                frame[20:80, 20 + step % 30 : 80 + step % 30] = target
             image = frame[..., 0].copy()
             frame.flags.writeable = image.flags.writeable = writeable
-            tracker.update(stamp_ns, frame, image)
+            states |= {report.state for report in tracker.update(step * FRAME_NS, frame, image)}
+        assert {TargetState.TRACKING, TargetState.RECOVERING} <= states or method != DEFAULT_METHOD, states
 
 
 def main(node: str, data: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from recovery_scenes import picture, texture
 
 from etd_ros.boxes import Box
-from etd_ros.recovery import RecoveryConfig, RecoveryError, make_recovery, making
+from etd_ros.recovery import RecoveryConfig, RecoveryError, make_recovery, making, network_is_there
 from etd_ros.recovery.matching import COMPACT_GEOMETRY, Answers, BackgroundMatcher
 from etd_ros.recovery.siamese import SiameseRecovery
 from etd_ros.recovery.weights_file import SHIPPED
@@ -82,6 +82,17 @@ def test_nobody_waits_for_the_network_but_who_asks_it():
     may_come.set()
     assert tracker.search(image, START) is None
     assert matcher.template(image, (1.0, 1.0))
+
+
+def test_whether_the_network_is_there_is_known_after_a_while_at_most(monkeypatch):
+    may_come = threading.Event()
+    matcher = BackgroundMatcher(COMPACT_GEOMETRY, lambda: _Late(may_come))
+    monkeypatch.setattr(making, "_network", lambda *_: matcher)
+    config = RecoveryConfig(tracker="compact")
+    assert not network_is_there(config, 0.0)
+    may_come.set()
+    assert network_is_there(config, 60.0)
+    assert network_is_there(RecoveryConfig(tracker="csrt"), 0.0)
 
 
 def test_what_went_wrong_in_loading_is_told_to_who_asks():

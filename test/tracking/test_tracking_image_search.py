@@ -1,0 +1,94 @@
+"""A lost target is searched for on images beside the frames; who must not wait goes on without the answer."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+
+from etd_ros.boxes import Box
+from etd_ros.recovery import Found
+from etd_ros.tracking.image_search import REMEMBER_NS, SEARCH_NS, ImageSearch
+from etd_ros.tracking.target import TargetState
+
+IMAGE = np.zeros((20, 30), np.uint8)
+BOX = Box(3, 4, 5, 6)
+DUE_NS = SEARCH_NS[TargetState.RECOVERING]
+
+
+class SlowRecovery:
+    """Finds the target once it is let."""
+
+    def __init__(self):
+        self.may_answer = threading.Event()
+        self.searches = 0
+        self.remembered = []
+
+    def remember(self, image, box):
+        self.remembered.append(box)
+
+    def search(self, image, last_box):
+        self.searches += 1
+        self.may_answer.wait()
+        return Found(BOX, 0.9)
+
+
+@pytest.fixture
+def recovery():
+    recovery = SlowRecovery()
+    yield recovery
+    recovery.may_answer.set()
+
+
+def found(images, searches):
+    """What the search of so many images in a row finds with the last of them."""
+    answer = None
+    for number in range(1, searches + 1):
+        answer = images.found(number * DUE_NS, IMAGE, TargetState.RECOVERING, BOX)
+    return answer
+
+
+def end_of_search(images):
+    images._answer.result()
+
+
+def test_an_answer_counts_from_the_next_search_on_however_long_it_took(recovery):
+    images = ImageSearch(recovery, math.inf)
+    images.begin(0)
+    assert found(images, 1) is None
+    threading.Timer(0.05, recovery.may_answer.set).start()
+    assert images.found(2 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) == Found(BOX, 0.9)
+
+
+def test_who_must_not_wait_goes_on_and_asks_nothing_else_meanwhile(recovery):
+    images = ImageSearch(recovery, 0.0)
+    images.begin(0)
+    assert found(images, 5) is None
+    recovery.may_answer.set()
+    end_of_search(images)
+    assert recovery.searches == 1
+    assert images.found(6 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) == Found(BOX, 0.9)
+
+
+def test_nothing_is_remembered_while_an_image_is_searched(recovery):
+    images = ImageSearch(recovery, 0.0)
+    images.begin(0)
+    found(images, 1)
+    images.remember(2 * REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert not recovery.remembered
+    recovery.may_answer.set()
+    end_of_search(images)
+    images.remember(3 * REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert recovery.remembered == [BOX]
+
+
+def test_an_answer_about_an_earlier_loss_does_not_count(recovery):
+    images = ImageSearch(recovery, 0.0)
+    images.begin(0)
+    found(images, 1)
+    images.begin(2 * DUE_NS)
+    recovery.may_answer.set()
+    end_of_search(images)
+    assert images.found(3 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) is None
+    end_of_search(images)
+    assert images.found(4 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) == Found(BOX, 0.9)
