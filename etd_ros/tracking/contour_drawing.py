@@ -72,15 +72,19 @@ def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, 
 def blur(drawn: Float32Array, room: Float32Array) -> None:
     """Smooth each channel by 1 4 6 4 1 (a Gaussian of one cell) both ways, in place; `room` is of the same shape."""
     channels, rows, columns = drawn.shape
+    # Constants of float32, or each product is one of float64, of which half as many fit in a register.
+    four, six, sixteen, share = np.float32(4), np.float32(6), np.float32(16), np.float32(1 / 256)
     for channel in range(channels):
         for row in range(rows):
             line, smooth = drawn[channel, row], room[channel, row]
-            for column in range(2, columns - 2):
-                near = line[column - 1] + line[column + 1]
-                smooth[column] = 6 * line[column] + 4 * near + line[column - 2] + line[column + 2]
+            before_2, before, middle, after, after_2 = line[:-4], line[1:-3], line[2:-2], line[3:-1], line[4:]
+            inner = smooth[2:-2]
+            for column in range(columns - 4):
+                near = before[column] + after[column]
+                inner[column] = six * middle[column] + four * near + before_2[column] + after_2[column]
             # The two cells at each border, where less lies beside them: the model's weight is 0 there.
             for column in (0, 1, columns - 2, columns - 1):
-                smooth[column] = 16 * line[column]
+                smooth[column] = sixteen * line[column]
         for row in range(rows):
             line = drawn[channel, row]
             above, above_2 = room[channel, max(row - 1, 0)], room[channel, max(row - 2, 0)]
@@ -88,7 +92,7 @@ def blur(drawn: Float32Array, room: Float32Array) -> None:
             middle = room[channel, row]
             for column in range(columns):
                 near = above[column] + below[column]
-                line[column] = (6 * middle[column] + 4 * near + above_2[column] + below_2[column]) / 256
+                line[column] = (six * middle[column] + four * near + above_2[column] + below_2[column]) * share
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -129,6 +133,19 @@ def agreements(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _line_product(weight: Float32Array, on: Float32Array, off: Float32Array, other_on: Float32Array,
+                  other_off: Float32Array) -> float:  # fmt: skip
+    """What a row of two parts, On and Off, shape (columns,), has in common, weighed twice; On and Off that fall
+    together count half."""
+    half, product = np.float32(0.5), np.float32(0)
+    for column in range(len(weight)):
+        alike = (on[column] - half * off[column]) * other_on[column]
+        alike += (off[column] - half * on[column]) * other_off[column]
+        product += weight[column] * weight[column] * alike
+    return float(product)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Float32Array, pose: Float64Array,
               cell_px: float, velocity: Float64Array, time_s: float, parts: Float32Array, room: Float32Array
               ) -> tuple[float, float]:  # fmt: skip
@@ -152,7 +169,7 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         parts: room for what is drawn, shape (parts, 2, rows, columns).
         room: room for smoothing, shape (2, rows, columns).
     """
-    number, _, rows, columns = parts.shape
+    number, _, rows, _ = parts.shape
     size = 1 / (cell_px * pose[2])
     parts[:] = 0
     for index in range(count):
@@ -163,17 +180,10 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         blur(parts[part], room)
     products = np.zeros((number, number))
     for row in range(rows):
-        for column in range(columns):
-            square = weight[row, column] * weight[row, column]
-            if square == 0:
-                continue
-            for part in range(number):
-                on, off = parts[part, 0, row, column] * square, parts[part, 1, row, column] * square
-                to_on, to_off = on - 0.5 * off, off - 0.5 * on
-                for other in range(part, number):
-                    products[part, other] += (
-                        to_on * parts[other, 0, row, column] + to_off * parts[other, 1, row, column]
-                    )
+        for part in range(number):
+            on, off = parts[part, 0, row], parts[part, 1, row]
+            for other in range(part, number):
+                products[part, other] += _line_product(weight[row], on, off, parts[other, 0, row], parts[other, 1, row])
     found = possible = 0.0
     for part in range(number):
         for other in range(part + 1, number):
