@@ -28,9 +28,10 @@ FOUND_LOOKS = 2
 HERE_PX = 6.0
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
-RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX = 9.0, 60.0, 36.0
-GROWTH_SHARE = 0.5
-"""The region grows by at least so much of the target's usual speed: it may have turned."""
+RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX, GAP_RADIUS_MAX_PX = 9.0, 60.0, 36.0, 54.0
+GROWTH_SHARE, GAP_GROWTH_SHARE = 0.5, 1.0
+"""The region grows by at least so much of the target's usual speed: it may have turned. After a gap in the events it is
+as large at once, whereas what hides a target is seldom larger than that."""
 CANDIDATE_NS = 80_000_000
 """What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01
@@ -123,6 +124,7 @@ class ContourSearch:
         stamp_ns: int,
         *,
         has_left: bool,
+        has_gap: bool,
     ) -> None:
         """Begin a search.
 
@@ -134,6 +136,7 @@ class ContourSearch:
             usual_speed_px_s: how fast it usually moves.
             stamp_ns: now.
             has_left: whether it left over the sensor's border: it comes back over it.
+            has_gap: whether it is lost because events were missing.
         """
         self._contours = contours
         self._surface = surface
@@ -141,6 +144,8 @@ class ContourSearch:
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
         self._has_left = has_left
+        self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
+        self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
         self._place: _Place
@@ -250,8 +255,7 @@ class ContourSearch:
         return places
 
     def _radius_px(self, place: _Place) -> float:
-        growth_px_s = max(GROWTH_PX_S, GROWTH_SHARE * self._usual_speed_px_s)
-        return min(RADIUS_PX + growth_px_s * place.unseen_s, RADIUS_MAX_PX)
+        return min(RADIUS_PX + self._growth_px_s * place.unseen_s, self._radius_max_px)
 
     def _look_round(self) -> _WideLook:
         """The best place in a region that grows."""

@@ -345,9 +345,12 @@ class ContourTarget:
             contours.restore_memories()
         contours.uncover()
         self._images.begin(stamp_ns)
-        self._search_from(stamp_ns if since_ns is None else since_ns, has_left=has_left)
+        if since_ns is None:
+            self._search_from(stamp_ns, has_left=has_left)
+        else:
+            self._search_from(since_ns, has_left=has_left, has_gap=True)
 
-    def _search_from(self, stamp_ns: int, *, has_left: bool) -> None:
+    def _search_from(self, stamp_ns: int, *, has_left: bool, has_gap: bool = False) -> None:
         self._search = ContourSearch(
             self._contours,
             self._surface,
@@ -356,6 +359,7 @@ class ContourTarget:
             self._usual_speed_px_s,
             stamp_ns,
             has_left=has_left,
+            has_gap=has_gap,
         )
 
     def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:

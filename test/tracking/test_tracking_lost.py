@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from etd_ros.benchmarking.live_scene import TURN_US, LiveScene
+from etd_ros.engine import track
 from etd_ros.evaluation.suite import evaluate_sequence
 from etd_ros.simulation import sequence_named
+from etd_ros.stream import StreamGuard
+from etd_ros.targets import TargetStart
 from etd_ros.tracking import TargetState, contour_search, expected_place
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
@@ -69,3 +73,29 @@ def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
     monkeypatch.setattr(TimeSurface, "inside_px", lambda self, box: -1.0)
     assert mean_overlap("panel", (2,)) < found - 0.1
     assert TargetState.LOST in states
+
+
+def overlap_after_gap(first, count):
+    """Mean IoU in the 0.2 s after a gap of so many messages of 10 ms, of a target on a circle."""
+    scene, rng, message_us, start_us = LiveScene(240, 180), np.random.default_rng(0), 10_000, 1000 * TURN_US
+    guard = StreamGuard()
+    batches = (
+        batch
+        for seq in (*range(first), *range(first + count, first + count + 20))
+        for batch in guard.feed(scene.events(start_us + seq * message_us, message_us, 10_000, rng), seq)
+    )
+    overlaps = []
+    for step in track(batches, [TargetStart("target", scene.box(0), start_us * 1000)], threads=False):
+        stamp_us = step.frame.stamp_ns / 1000
+        if stamp_us > start_us + (first + count) * message_us:
+            box = step.reports[0].box
+            overlaps.append(0.0 if box is None else box.iou(scene.box(stamp_us)))
+    return float(np.mean(overlaps))
+
+
+def test_after_a_gap_a_target_is_looked_for_as_far_as_its_speed_may_have_brought_it(monkeypatch):
+    gaps = (13, 30), (63, 30), (90, 30), (55, 40)
+    assert min(overlap_after_gap(*gap) for gap in gaps) > 0.7
+    monkeypatch.setattr(contour_search, "GAP_GROWTH_SHARE", contour_search.GROWTH_SHARE)
+    monkeypatch.setattr(contour_search, "GAP_RADIUS_MAX_PX", contour_search.RADIUS_MAX_PX)
+    assert max(overlap_after_gap(*gap) for gap in gaps) < 0.3
