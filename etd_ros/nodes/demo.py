@@ -24,7 +24,7 @@ from etd_ros.errors import EtdError
 from etd_ros.evaluation import Score, TracksWriter, mean_score, read_boxes, read_tracks, score
 from etd_ros.nodes.interface_definitions import interface_definitions
 from etd_ros.nodes.monitor import EVENTS, Monitor
-from etd_ros.nodes.programs import LEAVE, handled
+from etd_ros.nodes.programs import LEAVE, handled, postponed
 from etd_ros.nodes.recorded_tracks import FRAMES, recorded_tracks
 from etd_ros.recordings import open_recording
 from etd_ros.recordings.bag_writer import BagWriter
@@ -37,6 +37,8 @@ DOMAIN_ID_MAX = 100
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 RESULTS = ("bag", "logs", "tracks.csv", "overlay.mp4")
+HEARD = (*LEAVE, signal.SIGHUP)
+"""What tells the demo to leave: its nodes have sessions of their own, and do not hear that the terminal is gone."""
 PATIENCE = {"queue_mib": 1024.0, "queue_s": 60.0}
 TRACKER_PATIENCE = {**PATIENCE, "image_wait_s": 30.0}
 """Parameters of the nodes: on a busy machine boxes may be late, but the score is to show the method only."""
@@ -47,7 +49,11 @@ class DemoError(EtdError):
 
 
 class Processes:
-    """Child processes with their output in log files; all are gone when the context ends."""
+    """Child processes with their output in log files; all are gone when the context ends.
+
+    They leave one after another. As pip has it, Fast DDS never ends a participant that takes note, at that very moment,
+    of an endpoint that goes elsewhere (https://github.com/eProsima/Fast-DDS/issues/6513).
+    """
 
     def __init__(self, log_folder: Path) -> None:
         self._log_folder = log_folder
@@ -61,12 +67,15 @@ class Processes:
 
     def start(self, name: str, arguments: list[str]) -> None:
         """Start `python -m etd_ros.nodes NAME`."""
-        with (self._log_folder / f"{name}.log").open("wb") as log:
+        # An interrupt before the child is noted would leave it to nobody.
+        with (self._log_folder / f"{name}.log").open("wb") as log, postponed(HEARD):
             self._children[name] = subprocess.Popen(
                 [sys.executable, "-m", "etd_ros.nodes", name, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
+                # A terminal's Ctrl-C would have all of them leave at once.
+                start_new_session=True,
             )
 
     def running(self, name: str) -> bool:
@@ -86,16 +95,14 @@ class Processes:
                 raise DemoError(msg)
 
     def stop(self) -> None:
-        """Interrupt every child, wait, and kill what does not leave."""
+        """Interrupt each child, wait, and kill it where it does not leave; the last that was started is the first."""
         # A second Ctrl-C must not keep the first from ending every child.
-        with handled(LEAVE, signal.SIG_IGN):
-            for child in self._children.values():
+        with handled(HEARD, signal.SIG_IGN):
+            for child in reversed(self._children.values()):
                 if child.poll() is None:
                     child.send_signal(signal.SIGINT)
-            deadline_s = time.monotonic() + STOP_TIMEOUT_S
-            for child in self._children.values():
                 try:
-                    child.wait(max(0.1, deadline_s - time.monotonic()))
+                    child.wait(STOP_TIMEOUT_S)
                 except subprocess.TimeoutExpired:
                     child.kill()
                     child.wait()
@@ -126,9 +133,13 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
         # Both, for a shell that starts a command in the background has it ignore Ctrl-C.
         for number in LEAVE:
             signal.signal(number, _interrupt)
-        processes = stack.enter_context(Processes(output / "logs"))
+        # `nohup` has it ignored.
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            signal.signal(signal.SIGHUP, _interrupt)
         recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))
         monitor, spin_once = stack.enter_context(_monitor(recorder))
+        # Leaves before the monitor, which has nothing to take note of then.
+        processes = stack.enter_context(Processes(output / "logs"))
         _start_nodes(processes, truth)
         stack.enter_context(Live(get_renderable=lambda: _table(monitor), console=Console(), refresh_per_second=4))
         _wait(processes, spin_once, lambda: _ready(monitor), "the three nodes to find each other")
@@ -195,8 +206,14 @@ def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]
     monitor = Monitor(recorder)
     executor = SingleThreadedExecutor()
     executor.add_node(monitor)
+
+    def spin_once() -> None:
+        # Within rclpy an interrupt may be swallowed, or leave it holding what it can never let go.
+        with postponed(HEARD):
+            executor.spin_once(timeout_sec=0.1)
+
     try:
-        yield monitor, lambda: executor.spin_once(timeout_sec=0.1)
+        yield monitor, spin_once
     finally:
         executor.shutdown()
         monitor.destroy_node()

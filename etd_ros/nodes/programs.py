@@ -61,4 +61,14 @@ def handled(numbers: Iterable[signal.Signals], handler: Handler) -> Iterator[Non
             signal.signal(number, earlier)
 
 
+@contextmanager
+def postponed(numbers: Iterable[signal.Signals]) -> Iterator[None]:
+    """Signals do what they do when a `with` block ends, not within it."""
+    heard: list[int] = []
+    with handled(numbers, lambda number, _: heard.append(number)):
+        yield
+    for number in heard[:1]:
+        signal.raise_signal(number)
+
+
 accumulator, pipeline, reconstruction, replay, tracker = (partial(start, name) for name in NODES)

@@ -95,10 +95,13 @@ class Demo:
         return "fastrtps" in name and domain_of(name) in (None, self.domain)
 
     def close(self) -> None:
-        """End the whole session, whatever the demo has done."""
+        """End the demo and its nodes, whatever it has done."""
         if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.kill()
         self.process.wait()
+        for folder in self._processes():
+            with suppress(OSError):
+                os.kill(int(folder.name), signal.SIGKILL)
         clear(self.domain)
 
 
