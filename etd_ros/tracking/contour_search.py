@@ -17,12 +17,13 @@ from etd_ros.tracking.expected_place import (
     ExpectedPlace,
     confidence_if_turned,
 )
+from etd_ros.tracking.standing_out import share_elsewhere
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
 CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
 """From where on a place is looked at again, and is the target's; the last near the middle of where it is looked
-for, and where it comes back over the sensor's border."""
+for, unless it has left."""
 FOUND_LOOKS = 2
 """So many looks that follow one another have to be sure."""
 HERE_PX = 6.0
@@ -40,8 +41,13 @@ NEAR_PX = 3.0
 BETTER, ELSEWHERE_PX = 1.05, 4.0
 """A candidate that is not sure gives way to a look that is so many times as sure, this far away: of what is like itself
 a part may agree with another part."""
+ELSEWHERE_MAX, ELSEWHERE_LEFT_MAX, ELSEWHERE_EXPECTED_MAX = 0.75, 0.9, 1.1
+"""Where places round it agree better than this, in parts of how well it agrees itself, what was found is not believed:
+the second at the sensor's border, the third where the target was expected."""
 BORDER_PX, BORDER_S = 2.0, 0.03
 """What comes back over the border is this near to it when it is seen first, or this time away."""
+INWARD_SHARE, INWARD_S = 0.3, 0.01
+"""So much of its motion is away from the border: a camera that turns brings things in along it, too."""
 
 
 def _moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:
@@ -175,10 +181,7 @@ class ContourSearch:
         contours.stamp_ns = surface.stamp_ns
 
     def keep(self) -> None:
-        """Keep the surface up to date where the next looks may be. What has left is waited for at the border, where the
-        target's own surroundings are kept: farther off, a camera that turns brings the background in."""
-        if self._has_left:
-            return
+        """Keep the surface up to date where the next looks may be."""
         for place in self._places():
             box = self._contours.box_at(place.x, place.y).scaled(MARGIN)
             self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
@@ -188,7 +191,7 @@ class ContourSearch:
         stamp_ns = self._surface.stamp_ns
         if self._is_expected_on_sensor():
             look = self._expected.found()
-            if look is not None:
+            if look is not None and self._is_alone(look, self._contours.velocity, ELSEWHERE_EXPECTED_MAX):
                 self._contours.pose[:2] = look.x, look.y
                 self.is_unsettled = False
                 return True
@@ -206,13 +209,37 @@ class ContourSearch:
             self._look_elsewhere()
             return False
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence, confidence_turned))
-        if not self._is_sure():
+        if not (self._is_sure() and self._is_it(look)):
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
                 self._look_elsewhere()
             return False
         self._contours.pose[:2] = look.x, look.y
         self._contours.velocity[:] = self._path[-1].velocity
         return True
+
+    def _is_it(self, look: Look) -> bool:
+        """Whether a candidate that looks are sure of is the target."""
+        velocity = self._path[-1].velocity
+        if self._has_left:
+            return self._comes_in() and self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX)
+        return self._is_alone(look, velocity, ELSEWHERE_MAX)
+
+    def _comes_in(self) -> bool:
+        """Whether the candidate moves inwards from the border."""
+        seen = self._path[-1]
+        soon_ns = seen.stamp_ns + round(INWARD_S * 1e9)
+        here, soon = (self._contours.box_at(*seen.predicted(stamp_ns)) for stamp_ns in (seen.stamp_ns, soon_ns))
+        inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
+        return inwards_px > INWARD_SHARE * float(np.hypot(*seen.velocity)) * INWARD_S
+
+    def _is_alone(self, look: Look, velocity: Float64Array, elsewhere_max: float) -> bool:
+        """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""
+        contours = self._contours
+        pose, before = contours.pose.copy(), contours.velocity.copy()
+        contours.pose[:2], contours.velocity[:] = (look.x, look.y), velocity
+        is_alone = share_elsewhere(contours, self._surface, self._usual, look.x, look.y) <= elsewhere_max
+        contours.pose[:], contours.velocity[:] = pose, before
+        return is_alone
 
     def _is_expected_on_sensor(self) -> bool:
         """Whether its motion, as long as it is believed, would have kept it there."""
@@ -269,7 +296,9 @@ class ContourSearch:
         """Take what was seen for the candidate."""
         self._path = []
         self._place = wide.place
-        self._wanted = CONFIDENCE_FOUND_HERE if wide.is_here or self._has_left else CONFIDENCE_FOUND
+        # At the border a camera that turns brings much in.
+        is_here = wide.is_here and not self._has_left
+        self._wanted = CONFIDENCE_FOUND_HERE if is_here else CONFIDENCE_FOUND
         self.is_unsettled = not (wide.place.is_expected and wide.is_here)
         return wide.look
 

@@ -40,7 +40,9 @@ class UsualLooks:
 
     def confidence_of_lost(self, look: Look) -> float:
         """The same of a look for a lost target, whose motion is not known: no less than its usual motion counts, or few
-        events of anything would be many."""
+        events of anything would be many. Where no look is known, anything might be the target, and nothing is."""
+        if self._evidence is None:
+            return 0.0
         return self._share(look, max(look.motion, self._motion))
 
     def _share(self, look: Look, motion: float) -> float:

@@ -13,6 +13,7 @@ from etd_ros.simulation import sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import TargetState, contour_search, expected_place
+from etd_ros.tracking.contour_search import ContourSearch
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.surface import TimeSurface
@@ -49,12 +50,61 @@ def test_a_target_that_turned_while_it_was_hidden_is_found(monkeypatch, name, se
     assert mean_overlap(name, (seed,)) < found - 0.05
 
 
-@pytest.mark.parametrize("seed", [1, 23, 30])
+@pytest.mark.parametrize("seed", [1, 30, 51])
 def test_what_was_learnt_of_a_cover_is_forgotten_when_the_target_is_lost(monkeypatch, seed):
     found = mean_overlap("pillar", (seed,))
     assert found > 0.85
     monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
     assert mean_overlap("pillar", (seed,)) < found - 0.1
+
+
+@pytest.mark.parametrize("seed", [18, 23])
+def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch, seed):
+    found = mean_overlap("panel", (seed,))
+    assert found > 0.8
+    monkeypatch.setattr(contour_search, "ELSEWHERE_MAX", math.inf)
+    assert mean_overlap("panel", (seed,)) < found - 0.1
+
+
+@pytest.mark.parametrize("seed", [15, 23])
+def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
+    found = mean_overlap("return", (seed,))
+    assert found > 0.9
+    keep = ContourSearch.keep
+    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
+    assert mean_overlap("return", (seed,)) < found - 0.3
+
+
+def false_finds(seed):
+    """How often a thing that has left before a panning camera is found, though it stays away."""
+    suites = sequence_named("exit-pan")
+    return sum(result.wrong_recoveries for result in evaluate_sequence(suites.with_seed(suites.seed + 100 * seed)))
+
+
+def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch):
+    assert false_finds(0) == 1
+    monkeypatch.setattr(ContourSearch, "_comes_in", lambda self: True)
+    assert false_finds(0) == 2
+
+
+def test_at_the_border_as_well_it_has_to_stand_out(monkeypatch):
+    assert false_finds(13) == 0
+    monkeypatch.setattr(contour_search, "ELSEWHERE_LEFT_MAX", math.inf)
+    assert false_finds(13) == 1
+
+
+def test_at_the_border_it_has_to_be_as_sure_as_anywhere(monkeypatch):
+    assert false_finds(7) == 0
+    begin = ContourSearch._begin
+
+    def eager(self, wide):
+        look = begin(self, wide)
+        if self._has_left:
+            self._wanted = contour_search.CONFIDENCE_FOUND_HERE
+        return look
+
+    monkeypatch.setattr(ContourSearch, "_begin", eager)
+    assert false_finds(7) == 1
 
 
 def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
