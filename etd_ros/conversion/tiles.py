@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba import types
+from numba.core.cgutils import alloca_once_value
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, TILE_SIDE, TILE_SLOTS
-from etd_ros.conversion.vectors import BIT, BYTE, DOUBLE, LONG, WORD, all_lanes, items, vector_at
+from etd_ros.conversion.vectors import BIT, BYTE, DOUBLE, FLOAT, LONG, WORD, all_lanes, items, vector_at
 
 TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.uint64]"
 TileLevels: TypeAlias = (
@@ -20,8 +21,16 @@ TileLevels: TypeAlias = (
 )
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
 
+FIXED_ONE = 2**16
+"""1 in the fixed-point numbers that levels are worked out in first."""
+FIXED_ERROR = 8
+"""More than such a number is off by (4 at most): the largest has 24 bits, as many as 32-bit floating point has of the
+time, the slope and their product."""
+
 _ZERO = ir.Constant(LONG, 0)
-_BYTES, _WORDS, _DOUBLES = (ir.VectorType(kind, TILE_SLOTS) for kind in (BYTE, WORD, DOUBLE))
+_BITS, _BYTES, _WORDS, _FLOATS, _DOUBLES = (
+    ir.VectorType(kind, TILE_SLOTS) for kind in (BIT, BYTE, WORD, FLOAT, DOUBLE)
+)
 _TWO_TILES = ir.VectorType(BYTE, 2 * TILE_SLOTS)
 _GROUP = ir.VectorType(WORD, GROUP_TILES)
 
@@ -37,15 +46,39 @@ def _in_each_slot(builder: Any, value: Any) -> Any:
 
 
 def _levels(builder: Any, times: Any, word: Any, slope: Any, offset: Any) -> Any:
-    """Times without an event are old ones, whose levels may be beyond 32 bits: the last selection drops those."""
-    may_fuse = ("contract",)
-    exact = builder.fmul(builder.sitofp(times, _DOUBLES), _in_each_slot(builder, slope), flags=may_fuse)
-    rounded = builder.fadd(exact, _in_each_slot(builder, offset), flags=may_fuse)
-    levels = builder.trunc(builder.fptosi(rounded, _WORDS), _BYTES)
-    one = all_lanes(_BYTES, 1)
-    at_least_one = builder.select(builder.icmp_unsigned("<", levels, one), one, levels)
-    have_events = builder.bitcast(word, ir.VectorType(BIT, TILE_SLOTS))
+    """In 32 bits, 16 of them behind the point, if no slot is so near to the next level that the error of that matters:
+    hardly any is. Else in 64. Times without an event are old ones, whose levels may be anything: the last selection
+    drops those."""
+    have_events = builder.bitcast(word, _BITS)
+    fixed = _rounded(builder, times, _FLOATS, *(_in_fixed_point(builder, value) for value in (slope, offset)))
+    fixed = builder.add(fixed, all_lanes(_WORDS, FIXED_ERROR))
+    fraction = builder.and_(fixed, all_lanes(_WORDS, 2 * -FIXED_ERROR & FIXED_ONE - 1))
+    near_next = builder.icmp_unsigned("==", fraction, all_lanes(_WORDS, 0))
+    # What is made of old times may be anything at all, so that "and" would not do.
+    unsure = builder.bitcast(builder.select(have_events, near_next, all_lanes(_BITS, 0)), WORD)
+    levels = alloca_once_value(builder, _whole_parts(builder, fixed))  # type: ignore[no-untyped-call]
+    with builder.if_then(builder.icmp_unsigned("!=", unsure, ir.Constant(WORD, 0)), likely=False):
+        builder.store(builder.trunc(_rounded(builder, times, _DOUBLES, slope, offset), _BYTES), levels)
+    found, one = builder.load(levels), all_lanes(_BYTES, 1)
+    at_least_one = builder.select(builder.icmp_unsigned("<", found, one), one, found)
     return builder.select(have_events, at_least_one, all_lanes(_BYTES, 0))
+
+
+def _rounded(builder: Any, times: Any, kind: ir.VectorType, slope: Any, offset: Any) -> Any:
+    """The whole part of times * slope + offset, worked out in floating-point numbers of a kind."""
+    may_fuse = ("contract",)
+    exact = builder.fmul(builder.sitofp(times, kind), _in_each_slot(builder, slope), flags=may_fuse)
+    return builder.fptosi(builder.fadd(exact, _in_each_slot(builder, offset), flags=may_fuse), _WORDS)
+
+
+def _in_fixed_point(builder: Any, value: Any) -> Any:
+    return builder.fptrunc(builder.fmul(value, ir.Constant(DOUBLE, FIXED_ONE)), FLOAT)
+
+
+def _whole_parts(builder: Any, fixed: Any) -> Any:
+    """The third byte of each word, as a processor may have an instruction for picking bytes."""
+    parts = builder.bitcast(fixed, ir.VectorType(BYTE, 4 * TILE_SLOTS))
+    return builder.shuffle_vector(parts, parts, _mask(list(range(2, 4 * TILE_SLOTS, 4))))
 
 
 def _twins(builder: Any, levels: Any) -> Any:

@@ -10,7 +10,8 @@ from typing import Any
 from llvmlite import ir
 from numba.core.cgutils import get_item_pointer, get_or_insert_function
 
-BIT, BYTE, WORD, LONG, DOUBLE = *(ir.IntType(bits) for bits in (1, 8, 32, 64)), ir.DoubleType()
+BIT, BYTE, WORD, LONG = (ir.IntType(bits) for bits in (1, 8, 32, 64))
+FLOAT, DOUBLE = ir.FloatType(), ir.DoubleType()
 
 
 def all_lanes(kind: ir.VectorType, value: int) -> ir.Constant:

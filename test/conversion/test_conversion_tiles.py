@@ -50,6 +50,19 @@ def test_levels_and_twins_of_a_tile_are_those_of_its_pixels_one_by_one(tile_time
     assert twins == sum(a == b > 0 for channel in channels for a, b in combinations(channel, 2))
 
 
+@pytest.mark.parametrize("duration_ns", [510, 51_000, 12_345_678, 2_000_000_000])
+@pytest.mark.parametrize("off_ns", range(-3, 4))
+def test_levels_are_exact_where_they_change(duration_ns, off_ns):
+    slope = 255.0 / duration_ns
+    changes = [round((level + 0.5) * duration_ns / 255) + off_ns for level in range(255)]
+    for first in range(0, 255, TILE_SLOTS):
+        last = np.array(changes[first : first + TILE_SLOTS], np.int32).clip(0, duration_ns)
+        last.resize(TILE_SLOTS)
+        levels = np.zeros(TILE_SLOTS, np.uint8)
+        levels_of(last, 0, 2**TILE_SLOTS - 1, slope, levels)
+        assert levels.tolist() == expected_levels(last.tolist(), 2**TILE_SLOTS - 1, slope)
+
+
 @pytest.mark.parametrize("distance", range(1, 16))
 @pytest.mark.parametrize("first", [0, 16])
 def test_a_pair_is_one_pair_however_far_apart_it_is(first, distance):
