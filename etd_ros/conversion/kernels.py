@@ -37,6 +37,12 @@ SAMPLE_CELLS_MIN = 256
 SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
 
+SAMPLE_PAIRS_MIN, PATIENCE = 25, 128
+"""With so many pairs of equal levels a sample errs by less than a fifth (one over the root of their number). Then a
+frame waits until NZGE has surely reached alpha, but not for more than one in so many of its events: a check of all
+its cells that fails costs more than that.
+"""
+
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
 
@@ -56,7 +62,9 @@ STATE_DTYPE = np.dtype(
         ("entropy", "<i8"),
         ("next", "<i8"),
         ("looked", "<i8"),
+        ("near", "<i8"),
         ("lost", "<f8"),
+        ("unsure", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
         (f"made_by_{source_digest()}", "<i8"),
@@ -64,13 +72,14 @@ STATE_DTYPE = np.dtype(
 )
 """Where an unfinished frame stands.
 
-Its events; of the cells that count, those with events, and the sum of their channels' entropies as
-if all levels were distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample
-or an exact check: its event (0: none yet), what the sum had lost, and the cells that had events but no entropy. Exact
-checks that found less than alpha. The last field is empty (`source_digest`).
+Its events; of the cells that count, those with events, and the sum of their channels' entropies as if all levels were
+distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample or an exact
+check: its event (0: none yet); from which event on NZGE may have reached alpha (0: it has not yet). What the sum had
+lost at the look, how much more it may have lost, and the cells that had events but no entropy. Exact checks that
+found less than alpha. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0.0, 0.0, 0, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0)
 
 ON, OFF = 1, 2
 
@@ -232,6 +241,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
     lost, without_entropy = _read_levels(cells, duration_ns, False, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
+    state[0].unsure = 0.0
     state[0].without_entropy = without_entropy
     not_zero = state[0].counted - without_entropy
     return (state[0].entropy / cells.entropy_one - lost) / 2 / not_zero if not_zero else 0.0
@@ -244,6 +254,9 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
+    pairs = lost / cells.loss[1]
+    if pairs >= SAMPLE_PAIRS_MIN:
+        state[0].unsure = (1 + 1 / np.sqrt(pairs) - SAMPLE_TRUST) / SAMPLE_TRUST * state[0].lost
     state[0].without_entropy = without_entropy * scale
 
 
@@ -333,7 +346,9 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     state[0].counted = 0
     state[0].entropy = 0
     state[0].looked = 0
+    state[0].near = 0
     state[0].lost = 0.0
+    state[0].unsure = 0.0
     state[0].without_entropy = 0.0
     state[0].failed = 0
 
@@ -425,6 +440,11 @@ def _strides_below(
         _look_at_sample(cells, state, duration_ns, data)
     missing = (state[0].counted - state[0].without_entropy) * per_cell - (state[0].entropy - state[0].lost)
     room = state[0].looked + state[0].looked // GROWTH_MAX - state[0].events
+    if missing <= 0:
+        if state[0].near == 0:
+            state[0].near = state[0].events
+        missing += state[0].unsure
+        room = min(room, state[0].near + state[0].near // PATIENCE - state[0].events)
     if missing <= 0 or room <= 0:
         return 0
     return max(1, int(min(missing / gain_max, room / check_stride)))

@@ -75,38 +75,6 @@ def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
     assert mean_overlap("return", (seed,)) < found - 0.3
 
 
-def false_finds(seed):
-    """How often a thing that has left before a panning camera is found, though it stays away."""
-    suites = sequence_named("exit-pan")
-    return sum(result.wrong_recoveries for result in evaluate_sequence(suites.with_seed(suites.seed + 100 * seed)))
-
-
-def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch):
-    assert false_finds(0) == 1
-    monkeypatch.setattr(ContourSearch, "_comes_in", lambda self: True)
-    assert false_finds(0) == 2
-
-
-def test_at_the_border_as_well_it_has_to_stand_out(monkeypatch):
-    assert false_finds(13) == 0
-    monkeypatch.setattr(contour_search, "ELSEWHERE_LEFT_MAX", math.inf)
-    assert false_finds(13) == 1
-
-
-def test_at_the_border_it_has_to_be_as_sure_as_anywhere(monkeypatch):
-    assert false_finds(7) == 0
-    begin = ContourSearch._begin
-
-    def eager(self, wide):
-        look = begin(self, wide)
-        if self._has_left:
-            self._wanted = contour_search.CONFIDENCE_FOUND_HERE
-        return look
-
-    monkeypatch.setattr(ContourSearch, "_begin", eager)
-    assert false_finds(7) == 1
-
-
 def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
     states = []
     fail = ContourTarget._fail

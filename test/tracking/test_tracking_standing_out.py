@@ -1,0 +1,98 @@
+"""What a search has found is believed only where it stands out, and at the border only if it comes in."""
+
+import math
+
+import numpy as np
+import pytest
+
+from etd_ros.boxes import Box
+from etd_ros.tracking import contour_search
+from etd_ros.tracking.contour_config import ContourConfig
+from etd_ros.tracking.contour_search import ContourSearch, Standing, _Place, _Seen, _WideLook
+from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.standing_out import share_elsewhere
+from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.usual_looks import UsualLooks
+
+WIDTH, HEIGHT = 240, 180
+FOUND = Look(20.0, 90.0, 1.0, 100.0, 1.0, (1.0, 0.0))
+
+
+class Agreements:
+    """Stands in for contours: they agree at certain places (x, y), by a score each, and nowhere else."""
+
+    def __init__(self, scores):
+        self._scores = scores
+
+    def look_at(self, _surface, x, y, radius_px):
+        near = [(score, place) for place, score in self._scores.items() if math.dist(place, (x, y)) <= radius_px]
+        score, place = max(near, default=(0.01, (x, y)))
+        return Look(*place, score, 100.0, 1.0, (1.0, 0.0))
+
+
+def usual_of(score):
+    usual = UsualLooks()
+    usual.learn(Look(0.0, 0.0, score, 100.0, 1.0, (1.0, 0.0)))
+    return usual
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "share"),
+    [
+        ({}, 0.01),
+        ({(116.0, 80.0): 0.5}, 0.5),
+        ({(100.0, 62.0): 0.9, (116.0, 80.0): 0.5}, 0.9),
+        ({(89.0, 91.0): 1.2}, 1.2),
+        ({(150.0, 80.0): 0.9}, 0.01),
+    ],
+    ids=["nowhere", "beside", "at several places", "better, across", "far away"],
+)
+def test_what_stands_out_is_told_by_the_best_place_round_it(elsewhere, share):
+    contours = Agreements({(101.0, 80.0): 1.0, **elsewhere})
+    found = share_elsewhere(contours, TimeSurface(WIDTH, HEIGHT), usual_of(2.0), 100.0, 80.0)
+    assert found == pytest.approx(share)
+
+
+def search_at_left_border(*, has_left):
+    contours = Contours(Box(0.0, 70.0, 40.0, 40.0), 0, ContourConfig())
+    contours.velocity[:] = -100.0, 0.0
+    before = Standing.of(contours)
+    surface = TimeSurface(WIDTH, HEIGHT)
+    return ContourSearch(contours, surface, UsualLooks(), before, 100.0, 0, has_left=has_left, has_gap=False)
+
+
+def seen(velocity):
+    return _Seen(0, FOUND.x, FOUND.y, np.array(velocity), 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "comes_in"), [((80.0, 0.0), True), ((60.0, 60.0), True), ((5.0, 80.0), False), ((-80.0, 0.0), False)]
+)
+def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch, velocity, comes_in):
+    monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
+    search = search_at_left_border(has_left=True)
+    search._path = [seen(velocity)]
+    assert search._is_it(FOUND) is comes_in
+
+
+@pytest.mark.parametrize(
+    ("has_left", "share", "is_it"), [(False, 0.74, True), (False, 0.76, False), (True, 0.89, True), (True, 0.91, False)]
+)
+def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, share, is_it):
+    monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: share)
+    search = search_at_left_border(has_left=has_left)
+    search._path = [seen((80.0, 0.0))]
+    pose, velocity = search._contours.pose.copy(), search._contours.velocity.copy()
+    assert search._is_it(FOUND) is is_it
+    np.testing.assert_array_equal(search._contours.pose, pose)
+    np.testing.assert_array_equal(search._contours.velocity, velocity)
+
+
+@pytest.mark.parametrize(
+    ("has_left", "wanted"),
+    [(False, contour_search.CONFIDENCE_FOUND_HERE), (True, contour_search.CONFIDENCE_FOUND)],
+)
+def test_at_the_border_it_has_to_be_as_sure_as_anywhere(has_left, wanted):
+    search = search_at_left_border(has_left=has_left)
+    search._begin(_WideLook(FOUND, _Place(20.0, 90.0, np.zeros(2), 0.1), is_here=True))
+    assert search._wanted == wanted
