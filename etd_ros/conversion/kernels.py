@@ -38,9 +38,9 @@ SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
 
 SAMPLE_PAIRS_MIN, PATIENCE = 25, 128
-"""With so many pairs of equal levels a sample errs by less than a fifth (one over the root of their number). Then a
-frame waits until NZGE has surely reached alpha, but not for more than one in so many of its events: a check of all
-its cells that fails costs more than that.
+"""A sample that has lost as much as so many pairs of equal levels errs by about a fifth (one over the root of their
+number) where they are strewn. From then on a frame waits until NZGE has most likely reached alpha, but not for more
+than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
 """
 
 FEW_TWINS = 2
@@ -74,8 +74,8 @@ STATE_DTYPE = np.dtype(
 
 Its events; of the cells that count, those with events, and the sum of their channels' entropies as if all levels were
 distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample or an exact
-check: its event (0: none yet); from which event on NZGE may have reached alpha (0: it has not yet). What the sum had
-lost at the look, how much more it may have lost, and the cells that had events but no entropy. Exact checks that
+check: its event (0: none yet), what the sum had lost, how much more it may have lost (`unsure`), and the cells that had
+events but no entropy. From which event on NZGE may have reached alpha (`near`, 0: it has not yet). Exact checks that
 found less than alpha. The last field is empty (`source_digest`).
 """
 
@@ -254,9 +254,9 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
-    pairs = lost / cells.loss[1]
-    if pairs >= SAMPLE_PAIRS_MIN:
-        state[0].unsure = (1 + 1 / np.sqrt(pairs) - SAMPLE_TRUST) / SAMPLE_TRUST * state[0].lost
+    lost_pairs = lost / cells.loss[1]
+    if lost_pairs >= SAMPLE_PAIRS_MIN:
+        state[0].unsure = (1 + 1 / np.sqrt(lost_pairs) - SAMPLE_TRUST) / SAMPLE_TRUST * state[0].lost
     state[0].without_entropy = without_entropy * scale
 
 

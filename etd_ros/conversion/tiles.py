@@ -24,8 +24,8 @@ WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], 
 FIXED_ONE = 2**16
 """1 in the fixed-point numbers that levels are worked out in first."""
 FIXED_ERROR = 8
-"""More than such a number is off by (4 at most): the largest has 24 bits, as many as 32-bit floating point has of the
-time, the slope and their product."""
+"""More than such a number is off by (4 at most), a power of two: the largest has 24 bits, as many as 32-bit floating
+point has of the time, the slope and their product."""
 
 _ZERO = ir.Constant(LONG, 0)
 _BITS, _BYTES, _WORDS, _FLOATS, _DOUBLES = (
@@ -46,9 +46,9 @@ def _in_each_slot(builder: Any, value: Any) -> Any:
 
 
 def _levels(builder: Any, times: Any, word: Any, slope: Any, offset: Any) -> Any:
-    """In 32 bits, 16 of them behind the point, if no slot is so near to the next level that the error of that matters:
-    hardly any is. Else in 64. Times without an event are old ones, whose levels may be anything: the last selection
-    drops those."""
+    """In 32 bits, 16 of them behind the point, if no slot is so near to where a level begins that the error of that
+    matters: hardly any is. Else in 64. Times without an event are old ones, whose levels may be anything: the last
+    selection drops those."""
     have_events = builder.bitcast(word, _BITS)
     fixed = _rounded(builder, times, _FLOATS, *(_in_fixed_point(builder, value) for value in (slope, offset)))
     fixed = builder.add(fixed, all_lanes(_WORDS, FIXED_ERROR))

@@ -37,8 +37,8 @@ DOMAIN_ID_MAX = 100
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 RESULTS = ("bag", "logs", "tracks.csv", "overlay.mp4")
-HEARD = (*LEAVE, signal.SIGHUP)
-"""What tells the demo to leave: its nodes have sessions of their own, and do not hear that the terminal is gone."""
+HEARD = (*LEAVE, signal.SIGHUP, signal.SIGQUIT)
+"""What tells the demo to leave: its nodes have sessions of their own, and hear nothing of the terminal."""
 PATIENCE = {"queue_mib": 1024.0, "queue_s": 60.0}
 TRACKER_PATIENCE = {**PATIENCE, "image_wait_s": 30.0}
 """Parameters of the nodes: on a busy machine boxes may be late, but the score is to show the method only."""
@@ -95,7 +95,7 @@ class Processes:
                 raise DemoError(msg)
 
     def stop(self) -> None:
-        """Interrupt each child, wait, and kill it where it does not leave; the last that was started is the first."""
+        """Interrupt each child, the last one first, wait, and kill it where it does not leave in STOP_TIMEOUT_S."""
         # A second Ctrl-C must not keep the first from ending every child.
         with handled(HEARD, signal.SIG_IGN):
             for child in reversed(self._children.values()):
@@ -133,9 +133,10 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
         # Both, for a shell that starts a command in the background has it ignore Ctrl-C.
         for number in LEAVE:
             signal.signal(number, _interrupt)
-        # `nohup` has it ignored.
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-            signal.signal(signal.SIGHUP, _interrupt)
+        for number in (signal.SIGHUP, signal.SIGQUIT):
+            # `nohup` has one of them ignored.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _interrupt)
         recorder = stack.enter_context(BagWriter(output / "bag", interface_definitions(RECORDED_PACKAGES)))
         monitor, spin_once = stack.enter_context(_monitor(recorder))
         # Leaves before the monitor, which has nothing to take note of then.

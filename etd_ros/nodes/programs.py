@@ -63,11 +63,12 @@ def handled(numbers: Iterable[signal.Signals], handler: Handler) -> Iterator[Non
 
 @contextmanager
 def postponed(numbers: Iterable[signal.Signals]) -> Iterator[None]:
-    """Signals do what they do when a `with` block ends, not within it."""
+    """Signals do what they do when a `with` block ends, not within it; those that come in a block that raises are
+    forgotten."""
     heard: list[int] = []
     with handled(numbers, lambda number, _: heard.append(number)):
         yield
-    for number in heard[:1]:
+    for number in heard:
         signal.raise_signal(number)
 
 

@@ -181,7 +181,8 @@ class ContourSearch:
         contours.stamp_ns = surface.stamp_ns
 
     def keep(self) -> None:
-        """Keep the surface up to date where the next looks may be."""
+        """Keep the surface up to date where the next looks may be; what is found at a region's edge is compared with
+        places beyond, of which fewer events are known then."""
         for place in self._places():
             box = self._contours.box_at(place.x, place.y).scaled(MARGIN)
             self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))

@@ -40,9 +40,7 @@ class UsualLooks:
 
     def confidence_of_lost(self, look: Look) -> float:
         """The same of a look for a lost target, whose motion is not known: no less than its usual motion counts, or few
-        events of anything would be many. Where no look is known, anything might be the target, and nothing is."""
-        if self._evidence is None:
-            return 0.0
+        events of anything would be many."""
         return self._share(look, max(look.motion, self._motion))
 
     def _share(self, look: Look, motion: float) -> float:

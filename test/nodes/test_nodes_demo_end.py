@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from etd_ros.nodes import demo
-from etd_ros.nodes.programs import LEAVE, handled
+from etd_ros.nodes.programs import LEAVE, handled, postponed
 
 
 class Child:
@@ -107,7 +107,7 @@ def test_the_monitor_leaves_when_every_node_is_gone(tmp_path, monkeypatch, journ
     monkeypatch.setattr(demo, "Live", lambda **_: nullcontext())
     monkeypatch.setattr(demo, "_wait", interrupt)
     (tmp_path / "logs").mkdir()
-    with handled((*LEAVE, signal.SIGHUP), signal.SIG_DFL), pytest.raises(KeyboardInterrupt):
+    with handled(demo.HEARD, signal.SIG_DFL), pytest.raises(KeyboardInterrupt):
         demo._play_and_record(Path("recording"), Path("truth"), tmp_path, 1.0)
     assert [line for line in journal if line.endswith("gone")] == [
         "tracker is gone",
@@ -115,3 +115,13 @@ def test_the_monitor_leaves_when_every_node_is_gone(tmp_path, monkeypatch, journ
         "accumulator is gone",
         "the monitor is gone",
     ]
+
+
+def test_a_signal_that_is_ignored_does_not_keep_another_one_from_being_heard():
+    def hear_both() -> None:
+        with handled([signal.SIGHUP], signal.SIG_IGN), handled(LEAVE, demo._interrupt), postponed(demo.HEARD):
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(KeyboardInterrupt):
+        hear_both()

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tracked_scenes import START_NS, frames_of, overlap, scene_of, tracked
 
 from etd_ros.benchmarking.live_scene import TURN_US, LiveScene
 from etd_ros.engine import track
 from etd_ros.evaluation.suite import evaluate_sequence
-from etd_ros.simulation import sequence_named
+from etd_ros.simulation import Waypoint, sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import TargetState, contour_search, expected_place
@@ -58,12 +59,28 @@ def test_what_was_learnt_of_a_cover_is_forgotten_when_the_target_is_lost(monkeyp
     assert mean_overlap("pillar", (seed,)) < found - 0.1
 
 
-@pytest.mark.parametrize("seed", [18, 23])
-def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch, seed):
-    found = mean_overlap("panel", (seed,))
+@pytest.mark.parametrize(("speed_px_s", "from_s", "hidden_s"), [(60, 0.04, 0.1), (80, 0.03, 0.2), (120, 0.04, 0.1)])
+def test_a_target_that_is_hidden_before_a_look_is_known_is_found_where_its_motion_brings_it(
+    speed_px_s, from_s, hidden_s
+):
+    scene = scene_of(Waypoint(0.0, 40, 90), Waypoint(1.0, 40 + 0.9 * speed_px_s, 90))
+    frames = [
+        replace(frame, data=np.zeros_like(frame.data))
+        if from_s <= (frame.start_ns - START_NS) * 1e-9 < from_s + hidden_s
+        else frame
+        for frame in frames_of(scene, noise_rate_hz=100.0)
+    ]
+    found = [overlap(report, truth) for time_s, report, truth in tracked(scene, frames=frames) if time_s > 0.8]
+    assert np.mean(found) > 0.85
+
+
+def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch):
+    # Several, as a rounding may decide over one.
+    seeds = 3, 18, 23
+    found = mean_overlap("panel", seeds)
     assert found > 0.8
     monkeypatch.setattr(contour_search, "ELSEWHERE_MAX", math.inf)
-    assert mean_overlap("panel", (seed,)) < found - 0.1
+    assert mean_overlap("panel", seeds) < found - 0.03
 
 
 @pytest.mark.parametrize("seed", [15, 23])

@@ -21,10 +21,6 @@ def test_before_a_look_was_believed_every_look_is_as_usual():
     assert UsualLooks().confidence(look(0.1, 1.0)) == 1.0
 
 
-def test_what_was_lost_before_a_look_was_believed_is_not_found_by_looks():
-    assert UsualLooks().confidence_of_lost(look(100.0, 10000.0)) == 0.0
-
-
 @pytest.mark.parametrize(("seen", "share"), [((1.0, 400.0), 0.5), ((2.0, 100.0), 0.25), ((3.0, 800.0), 1.5)])
 def test_a_look_is_as_sure_as_the_lesser_of_its_score_and_its_events(seen, share):
     assert usual_of(look()).confidence(look(*seen)) == pytest.approx(share)
