@@ -238,9 +238,9 @@ class ContourSearch:
         contours = self._contours
         pose, before = contours.pose.copy(), contours.velocity.copy()
         contours.pose[:2], contours.velocity[:] = (look.x, look.y), velocity
-        is_alone = share_elsewhere(contours, self._surface, self._usual, look.x, look.y) <= elsewhere_max
+        elsewhere = share_elsewhere(contours, self._surface, self._usual, look.x, look.y, elsewhere_max)
         contours.pose[:], contours.velocity[:] = pose, before
-        return is_alone
+        return elsewhere <= elsewhere_max
 
     def _is_expected_on_sensor(self) -> bool:
         """Whether its motion, as long as it is believed, would have kept it there."""

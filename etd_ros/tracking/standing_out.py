@@ -25,13 +25,19 @@ ROUND = (
 CONFIDENCE_MIN = 1e-3
 
 
-def share_elsewhere(contours: Contours, surface: TimeSurface, usual: UsualLooks, x: float, y: float) -> float:
+def share_elsewhere(
+    contours: Contours, surface: TimeSurface, usual: UsualLooks, x: float, y: float, enough: float
+) -> float:
     """How sure the best look round a place (pixels) is, in parts of how sure one there is: above 1 the target would
-    rather be elsewhere. Pose and velocity of the contours are those that the target has there."""
+    rather be elsewhere. Pose and velocity of the contours are those that the target has there. More than `enough` is
+    enough: no better place is sought then."""
     here = contours.look_at(surface, x, y, SETTLE_PX)
-    elsewhere = 0.0
+    sure = max(usual.confidence_of_lost(here), CONFIDENCE_MIN)
+    share = 0.0
     for right, down in ROUND:
         other = contours.look_at(surface, here.x + right, here.y + down, RADIUS_PX)
         if math.hypot(other.x - here.x, other.y - here.y) > RADIUS_PX:
-            elsewhere = max(elsewhere, usual.confidence_of_lost(other))
-    return elsewhere / max(usual.confidence_of_lost(here), CONFIDENCE_MIN)
+            share = max(share, usual.confidence_of_lost(other) / sure)
+        if share > enough:
+            break
+    return share

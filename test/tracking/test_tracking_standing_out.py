@@ -49,8 +49,17 @@ def usual_of(score):
 )
 def test_what_stands_out_is_told_by_the_best_place_round_it(elsewhere, share):
     contours = Agreements({(101.0, 80.0): 1.0, **elsewhere})
-    found = share_elsewhere(contours, TimeSurface(WIDTH, HEIGHT), usual_of(2.0), 100.0, 80.0)
+    found = share_elsewhere(contours, TimeSurface(WIDTH, HEIGHT), usual_of(2.0), 100.0, 80.0, math.inf)
     assert found == pytest.approx(share)
+
+
+def test_places_round_it_are_sought_until_one_is_enough():
+    contours = Agreements({(101.0, 80.0): 1.0, (85.0, 80.0): 0.8, (117.0, 80.0): 0.9})
+    shares = [
+        share_elsewhere(contours, TimeSurface(WIDTH, HEIGHT), usual_of(2.0), 100.0, 80.0, enough)
+        for enough in (0.75, 0.85)
+    ]
+    assert shares == pytest.approx([0.8, 0.9])
 
 
 def search_at_left_border(*, has_left):
