@@ -37,7 +37,8 @@ DOMAIN_ID_MAX = 100
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 RECORDED_PACKAGES = ("event_camera_msgs", "vision_msgs")
 RESULTS = ("bag", "logs", "tracks.csv", "overlay.mp4")
-HEARD = (*LEAVE, signal.SIGHUP, signal.SIGQUIT)
+TERMINAL = (signal.SIGHUP, signal.SIGQUIT)
+HEARD = (*LEAVE, *TERMINAL)
 """What tells the demo to leave: its nodes have sessions of their own, and hear nothing of the terminal."""
 PATIENCE = {"queue_mib": 1024.0, "queue_s": 60.0}
 TRACKER_PATIENCE = {**PATIENCE, "image_wait_s": 30.0}
@@ -133,7 +134,7 @@ def _play_and_record(recording: Path, truth: Path, output: Path, rate: float) ->
         # Both, for a shell that starts a command in the background has it ignore Ctrl-C.
         for number in LEAVE:
             signal.signal(number, _interrupt)
-        for number in (signal.SIGHUP, signal.SIGQUIT):
+        for number in TERMINAL:
             # `nohup` has one of them ignored.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, _interrupt)

@@ -55,8 +55,8 @@ def test_levels_are_exact_where_they_begin(duration_ns):
     slope = 255.0 / duration_ns
     # In fewer bits it errs by less than 10 parts of 65536. One event a tile, as any of them may be unsure.
     parts = sorted({round(part * duration_ns / 255 / 65536) for part in range(-10, 11)} | {-1, 0, 1})
-    for number, level in enumerate(range(255)):
-        slot = number % TILE_SLOTS
+    for level in range(255):
+        slot = level % TILE_SLOTS
         for off_ns in parts:
             time_ns = min(max(round((level + 0.5) * duration_ns / 255) + off_ns, 0), duration_ns)
             last = np.full(TILE_SLOTS, time_ns, np.int32)

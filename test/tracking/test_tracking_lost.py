@@ -83,7 +83,7 @@ def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch):
     assert mean_overlap("panel", seeds) < found - 0.03
 
 
-@pytest.mark.parametrize("seed", [15, 23])
+@pytest.mark.parametrize("seed", [15, 28])
 def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
     found = mean_overlap("return", (seed,))
     assert found > 0.9
