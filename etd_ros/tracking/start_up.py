@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,12 @@ LOOK_S, LOOK_EVENTS = 0.005, 2.0
 may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
+FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
+"""In so many looks at first, motions up to this many steps farther are tried as well: what is thrown may have moved by
+several pixels within the shortest frame."""
+FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
+"""(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
+agree): one of these is enough."""
 EVENTS_MIN = 20
 ALIKE_ENOUGH = 0.5
 """Where parts of the time are less alike than this at the best velocity, that is believed by as much less: some
@@ -49,6 +56,15 @@ BEHIND_WEIGHT = 0.7
 AGREED_FLOOR = 0.1
 PIXELS_MAX = 65536
 """More than a sensor has along a side."""
+
+
+class _Motion(NamedTuple):
+    """A velocity (pixels/s) and what speaks for it: how well the events agree at it, less what chance would bring, and
+    how alike their parts are (`coherence`)."""
+
+    velocity: Float64Array
+    agreement: float
+    alike: float
 
 
 class StartUp:
@@ -93,7 +109,10 @@ class StartUp:
         """Take the events of this time (s); whether the start is over and the model is known."""
         contours = self._contours
         x, y = contours.predicted(surface.stamp_ns)
-        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
+        margin_px = contours.config.search_radius + 2.0
+        if len(self._collected) < FAST_LOOKS:
+            margin_px += FAST_STEPS * FAST_STEP_PX
+        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), margin_px)
         points, count = surface.points(window, elapsed_s)
         self._collect(points[:count], surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
@@ -123,8 +142,12 @@ class StartUp:
         believed."""
         everything = np.ones(len(events), np.float32)
         contours = self._contours
-        velocity, alike = self._coherent(events, time_s, everything, self._weight, contours.velocity)
-        contours.velocity = min(1.0, max(0.0, alike) / ALIKE_ENOUGH) * velocity
+        best = self._coherent(events, time_s, everything, self._weight, contours.velocity)
+        if len(self._collected) <= FAST_LOOKS:
+            far = self._coherent_far(events, time_s, everything)
+            if any(far.alike >= alike and far.agreement > times * best.agreement for alike, times in FAST_TRUST):
+                best = far
+        contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been
@@ -133,35 +156,54 @@ class StartUp:
         events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
         of_pixel = _shares_of_pixels(events)
         for _ in range(RING_FITS):
-            ring, _ = self._coherent(events, time_s, of_pixel, self._ring, ring)
+            ring = self._coherent(events, time_s, of_pixel, self._ring, ring).velocity
         behind = self._agreements(events, time_s, ring)
         for _ in range(APART_ROUNDS):
             own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
             shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
-            velocity, _ = self._coherent(events, time_s, shares, self._weight, velocity)
+            velocity = self._coherent(events, time_s, shares, self._weight, velocity).velocity
         self._contours.velocity = velocity
 
     def _coherent(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
-    ) -> tuple[Float64Array, float]:
-        """The velocity (pixels/s) of the greatest coherence, coarse to fine, and how alike the parts are at it."""
-        best, best_alike = so_far, 0.0
-        by_chance = REST_WEIGHT / math.sqrt(len(events))
+    ) -> _Motion:
+        """The motion of the greatest coherence near a velocity (pixels/s), coarse to fine."""
+        best = _Motion(so_far, 0.0, 0.0)
         for step_px, reach in STEPS_PX:
-            middle, top = best, -np.inf
+            middle, top = best.velocity, -np.inf
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):
                     velocity = middle + np.array([i, j]) * (step_px / time_s)
+                    motion = self._motion(events, time_s, shares, weight, velocity)
                     change_px = math.dist(velocity, so_far) * time_s
-                    moved_px = math.hypot(*velocity) * time_s
-                    agreement, alike = coherence(
-                        events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts,
-                        self._room,
-                    )  # fmt: skip
-                    agreement *= math.exp(-CHANGE_WEIGHT * change_px**2 - by_chance * moved_px)
+                    agreement = motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2)
                     if agreement > top:
-                        best, top, best_alike = velocity, agreement, alike
-        return best, best_alike
+                        best, top = motion, agreement
+        return best
+
+    def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array) -> _Motion:
+        """The same of all that may have moved FAST_STEPS steps farther than what is believed so far."""
+        steps = range(-FAST_STEPS, FAST_STEPS + 1)
+        far = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
+        velocities = (self._contours.velocity + by * (FAST_STEP_PX / time_s) for by in far)
+        motions = (self._motion(events, time_s, shares, self._weight, velocity) for velocity in velocities)
+        best = max(motions, key=lambda motion: motion.agreement)
+        return self._coherent(events, time_s, shares, self._weight, best.velocity)
+
+    def _motion(
+        self,
+        events: Float32Array,
+        time_s: float,
+        shares: Float32Array,
+        weight: Float32Array,
+        velocity: Float64Array,
+    ) -> _Motion:
+        """How well the events agree with one another at a velocity (pixels/s)."""
+        agreement, alike = coherence(
+            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts, self._room
+        )
+        by_chance = REST_WEIGHT / math.sqrt(len(events)) * math.hypot(*velocity) * time_s
+        return _Motion(velocity, agreement * math.exp(-by_chance), alike)
 
     def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
         agreed = np.empty(len(events), np.float32)
