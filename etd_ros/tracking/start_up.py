@@ -23,9 +23,10 @@ LOOK_S, LOOK_EVENTS = 0.005, 2.0
 may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
-FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
-"""In so many looks at first, motions up to this many steps farther are tried as well: what is thrown may have moved by
-several pixels within the shortest frame."""
+FAST_LOOKS, FAST_STEP_PX, FAST_STEPS, FAST_EVENTS_MAX = 3, 2.0, 4, 2000
+"""The first so many looks also try motions up to this many steps off (pixels at the end of the motion): what is thrown
+may have moved by several pixels within the shortest frame. Of more events every second, third, ... is enough for that.
+"""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
 """(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
 agree): one of these is enough."""
@@ -91,6 +92,7 @@ class StartUp:
         self._collected: list[Float32Array] = []
         self._looked_at_ns: int | None = None
         self._events_waiting = 0
+        self._fast_looks = 0
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
@@ -109,10 +111,7 @@ class StartUp:
         """Take the events of this time (s); whether the start is over and the model is known."""
         contours = self._contours
         x, y = contours.predicted(surface.stamp_ns)
-        margin_px = contours.config.search_radius + 2.0
-        if len(self._collected) < FAST_LOOKS:
-            margin_px += FAST_STEPS * FAST_STEP_PX
-        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), margin_px)
+        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
         self._collect(points[:count], surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
@@ -138,15 +137,15 @@ class StartUp:
         self._collected.append(kept)
 
     def _fit(self, events: Float32Array, time_s: float) -> None:
-        """The velocity with which the target's events agree best, near the one believed so far, by how far it can be
-        believed."""
+        """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
+        off where that is clearly better; by how far it can be believed."""
         everything = np.ones(len(events), np.float32)
         contours = self._contours
         best = self._coherent(events, time_s, everything, self._weight, contours.velocity)
-        if len(self._collected) <= FAST_LOOKS:
+        if self._fast_looks < FAST_LOOKS:
+            self._fast_looks += 1
             far = self._coherent_far(events, time_s, everything)
-            if any(far.alike >= alike and far.agreement > times * best.agreement for alike, times in FAST_TRUST):
-                best = far
+            best = far if _is_clearly_better(far, best) else best
         contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:
@@ -182,11 +181,13 @@ class StartUp:
         return best
 
     def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array) -> _Motion:
-        """The same of all that may have moved FAST_STEPS steps farther than what is believed so far."""
+        """The motion of the greatest coherence within FAST_STEPS steps of the velocity believed so far."""
+        every = slice(None, None, 1 + len(events) // FAST_EVENTS_MAX)
+        some, shares_of_some = (np.ascontiguousarray(of_all[every]) for of_all in (events, shares))
         steps = range(-FAST_STEPS, FAST_STEPS + 1)
-        far = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
-        velocities = (self._contours.velocity + by * (FAST_STEP_PX / time_s) for by in far)
-        motions = (self._motion(events, time_s, shares, self._weight, velocity) for velocity in velocities)
+        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
+        velocities = (self._contours.velocity + offset * (FAST_STEP_PX / time_s) for offset in offsets)
+        motions = (self._motion(some, time_s, shares_of_some, self._weight, velocity) for velocity in velocities)
         best = max(motions, key=lambda motion: motion.agreement)
         return self._coherent(events, time_s, shares, self._weight, best.velocity)
 
@@ -219,6 +220,12 @@ class StartUp:
         splat(seen, len(seen), self._pose, contours.cell_px, contours.motion, contours.drawn)
         direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
+
+
+def _is_clearly_better(far: _Motion, near: _Motion) -> bool:
+    """Whether a motion farther off is to be believed rather than the best one near by: of few events something always
+    agrees. Where those at the near one agree by nothing, that the far one's parts are alike is enough."""
+    return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in FAST_TRUST)
 
 
 def _pixel_numbers(events: Float32Array) -> npt.NDArray[np.int64]:

@@ -2,9 +2,16 @@
 
 import numpy as np
 import pytest
-from tracked_scenes import overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
 
-from etd_ros.simulation import Waypoint
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint
+
+
+def plain_disc(size_px, way):
+    """A bright disc without texture on a way before a grey wall: its rim alone has events."""
+    y, x = np.mgrid[:size_px, :size_px] - (size_px - 1) / 2
+    disc = Sprite("thing", np.full(x.shape, 0.75), (np.hypot(x, y) < size_px / 2).astype(float), Path(way))
+    return Scene(WIDTH, HEIGHT, way[-1].time_s, np.full((HEIGHT, WIDTH), 0.5), (disc,))
 
 
 @pytest.mark.parametrize("down_px", [0, 60])
@@ -16,3 +23,11 @@ def test_what_moves_by_several_pixels_in_the_shortest_frame_is_followed_from_its
     overlaps = [overlap(report, truth) for _, report, truth in found[2:]]
     assert np.mean(overlaps) > 0.9
     assert min(overlaps) > 0.75
+
+
+def test_what_is_small_and_has_few_events_is_followed_from_its_start_as_well():
+    way = Waypoint(0.0, 20, 70), Waypoint(0.05, 220, 130)
+    scene = plain_disc(16, way)
+    found = tracked(scene, frames=frames_of(scene))
+    overlaps = [overlap(report, truth) for _, report, truth in found[2:]]
+    assert np.mean(overlaps) > 0.85
