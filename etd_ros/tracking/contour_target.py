@@ -295,10 +295,8 @@ class ContourTarget:
             self._quiet_s += elapsed_s
         elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
             self._failing_s = 0.0
-            box = contours.box
             self._fail(stamp_ns)
-            # It is looked for from where it was seen surely, which may be a while ago; its box stays.
-            self._held = box
+            self._held = contours.box
             return
         contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns

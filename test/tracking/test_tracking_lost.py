@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, frames_of, overlap, scene_of, tracked
+from tracked_scenes import START_NS, frames_of, overlap, scene_of, tracked
 
 from etd_ros.benchmarking.live_scene import TURN_US, LiveScene
-from etd_ros.engine import FrameSource, track
+from etd_ros.engine import track
 from etd_ros.evaluation.suite import evaluate_sequence
-from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint, sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
@@ -109,22 +108,6 @@ def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
     monkeypatch.setattr(TimeSurface, "inside_px", lambda self, box: -1.0)
     assert mean_overlap("panel", (2,)) < found - 0.1
     assert TargetState.LOST in states
-
-
-def test_the_box_of_a_target_that_fades_and_has_no_events_any_more_stays_where_it_was_seen_last():
-    scene, fades_s, ends_s = scene_of(Waypoint(0.0, 40, 90), Waypoint(1.0, 200, 90)), 0.44, 0.5
-    events = events_of(scene)
-    times_s = (events.t - START_NS) * 1e-9
-    is_noise = np.abs(events.y - 90.0) > 30
-    is_seen = (times_s < fades_s) | (np.random.default_rng(3).random(len(events)) < 0.5)
-    frames = FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(
-        events[is_noise | ((times_s < ends_s) & is_seen)]
-    )
-    reports = [(time_s, report) for time_s, report, _ in tracked(scene, frames=list(frames))]
-    scores = [report.score for time_s, report in reports if fades_s + 0.02 < time_s < ends_s]
-    assert 0 < max(scores) < 0.9  # it is not seen surely
-    (held,) = {report.box for time_s, report in reports if ends_s + 0.05 < time_s < ends_s + 0.2}
-    assert held.center[0] == pytest.approx(scene.box("thing", ends_s).center[0], abs=5.0)
 
 
 def overlap_after_gap(first, count):
