@@ -13,22 +13,20 @@ import itertools
 import math
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
+from seeded_scenes import SeededScene, seeds_asked_for
 
 from etd_ros.evaluation.suite import evaluate
-from etd_ros.events import Events
 from etd_ros.simulation import Scene, things
 from etd_ros.simulation.backgrounds import BACKGROUNDS
 from etd_ros.simulation.motion import FloatArray, Path
 from etd_ros.simulation.motions import Track
 from etd_ros.simulation.scene import Sprite
-from etd_ros.simulation.sensor import SensorConfig, simulate
+from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import BRIGHT, DARK, smooth_noise
 from etd_ros.simulation.things import OVERSAMPLING, Thing, shrunk
 
@@ -41,8 +39,7 @@ WIDTH, HEIGHT, DURATION_S = 240, 180, 2.0
 
 def main() -> None:
     """Print the mean AP and AR of each kind of thing and of all."""
-    first, last = (int(argument) for argument in sys.argv[1:3]) if len(sys.argv) > 2 else (0, 120)
-    shelves: Any = [Shelf(seed) for seed in range(first, last)]  # as far as `evaluate` asks, they are sequences
+    shelves: Any = [Shelf(seed) for seed in seeds_asked_for(0, 120)]  # as far as `evaluate` asks, they are sequences
     results = [result for found in evaluate(shelves, jobs=2) for result in found]
     kinds = defaultdict(list)
     for result in results:
@@ -54,24 +51,10 @@ def main() -> None:
     sys.stdout.write(f"median AP {np.median(ap):.3f}; {np.count_nonzero(ap < 0.5)} below 0.5\n")
 
 
-@dataclass(frozen=True)
-class Shelf:
-    """A sequence, as `evaluate` takes them."""
+class Shelf(SeededScene):
+    """Things that a camera slides past."""
 
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"shelf-{self.seed}"
-
-    def scene(self) -> Scene:
-        return self._made[0]
-
-    def events(self, scene: Scene, *, start_ns: int = 0) -> Iterator[Events]:
-        return simulate(scene, seed=self.seed, start_ns=start_ns, config=self._made[1])
-
-    @cached_property
-    def _made(self) -> tuple[Scene, SensorConfig]:
+    def make(self) -> tuple[Scene, SensorConfig]:
         rng = np.random.default_rng([STREAM, self.seed])
         shift = _camera(rng)
         nearness = np.sort(np.exp(rng.uniform(np.log(1.1), np.log(4.5), int(rng.integers(3, 7)))))

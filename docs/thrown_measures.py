@@ -13,21 +13,18 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterator
-from functools import cached_property
 
 import numpy as np
+from seeded_scenes import SeededScene, seeds_asked_for
 
 from etd_ros.engine import track
 from etd_ros.evaluation.scoring import SUCCESS_IOU, label_overlaps
 from etd_ros.evaluation.suite import START_NS, of_each
 from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
-from etd_ros.events import Events
-from etd_ros.simulation import Path, Scene, Sprite, simulate, things, true_boxes
+from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, things, true_boxes
 from etd_ros.simulation.backgrounds import BACKGROUNDS
 from etd_ros.simulation.motion import FloatArray
-from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import TargetState
@@ -43,24 +40,10 @@ ROOM_PX = 40
 """What the background has beyond the sensor on each side, for the camera's motion."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Thrown:
-    """A thing that is thrown, as `of_each` takes sequences."""
+class Thrown(SeededScene):
+    """A thing that is thrown."""
 
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"thrown-{self.seed}"
-
-    def scene(self) -> Scene:
-        return self._made[0]
-
-    def events(self, scene: Scene, *, start_ns: int = 0) -> Iterator[Events]:
-        return simulate(scene, seed=self.seed, start_ns=start_ns, config=self._made[1])
-
-    @cached_property
-    def _made(self) -> tuple[Scene, SensorConfig]:
+    def make(self) -> tuple[Scene, SensorConfig]:
         rng = np.random.default_rng([STREAM, self.seed])
         width, height = SENSOR_SIZES[int(rng.integers(len(SENSOR_SIZES)))]
         size_px = float(np.exp(rng.uniform(np.log(12), np.log(0.3 * height))))
@@ -143,8 +126,7 @@ def overlaps_of(thrown: Thrown) -> tuple[list[float], list[float]]:
 
 def main() -> None:
     """Print the mean AP and AR, and the AP that true boxes would have."""
-    first, last = (int(argument) for argument in sys.argv[1:3]) if len(sys.argv) > 2 else (0, 80)
-    of_all = list(of_each(overlaps_of, map(Thrown, range(first, last)), jobs=2))
+    of_all = list(of_each(overlaps_of, map(Thrown, seeds_asked_for(0, 80)), jobs=2))
     ap, true_ap = (np.array([np.mean(each) for each in kind]) for kind in zip(*of_all, strict=True))
     ar = np.mean([np.mean(np.array(found) >= SUCCESS_IOU) for found, _ in of_all])
     below = f"{np.count_nonzero(ap < SUCCESS_IOU)} below {SUCCESS_IOU}"

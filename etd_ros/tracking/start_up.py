@@ -23,10 +23,9 @@ LOOK_S, LOOK_EVENTS = 0.005, 2.0
 may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
-FAST_LOOKS, FAST_STEP_PX, FAST_STEPS, FAST_EVENTS_MAX = 3, 2.0, 4, 2000
+FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
 """The first so many looks also try motions up to this many steps off (pixels at the end of the motion): what is thrown
-may have moved by several pixels within the shortest frame. Of more events every second, third, ... is enough for that.
-"""
+may have moved by several pixels within the shortest frame."""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
 """(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
 agree): one of these is enough."""
@@ -48,8 +47,8 @@ GRID_MARGIN = 1.5
 """Width and height of the start-up's grid in those of the box: it holds a ring of what lies round the target."""
 APART_PX = 3.0
 """After so much motion, events that move like the ring can be told from the target's."""
-APART_EVENTS_MAX = 2000
-"""Of more events every second, third, ... is enough for that."""
+SOME_EVENTS_MAX = 2000
+"""Of more events every second, third, ... is enough for that, and for finding what is fast."""
 RING_FITS = 2
 APART_ROUNDS = 3
 BEHIND_WEIGHT = 0.7
@@ -144,7 +143,7 @@ class StartUp:
         best = self._coherent(events, time_s, everything, self._weight, contours.velocity)
         if self._fast_looks < FAST_LOOKS:
             self._fast_looks += 1
-            far = self._coherent_far(events, time_s, everything)
+            far = self._coherent_far(events, time_s, everything, best)
             best = far if _is_clearly_better(far, best) else best
         contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
 
@@ -152,7 +151,7 @@ class StartUp:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been
         believed for APART_PX."""
         velocity = ring = self._contours.velocity
-        events = np.ascontiguousarray(events[:: 1 + len(events) // APART_EVENTS_MAX])
+        events = _some_of(events)
         of_pixel = _shares_of_pixels(events)
         for _ in range(RING_FITS):
             ring = self._coherent(events, time_s, of_pixel, self._ring, ring).velocity
@@ -180,16 +179,18 @@ class StartUp:
                         best, top = motion, agreement
         return best
 
-    def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array) -> _Motion:
-        """The motion of the greatest coherence within FAST_STEPS steps of the velocity believed so far."""
-        every = slice(None, None, 1 + len(events) // FAST_EVENTS_MAX)
-        some, shares_of_some = (np.ascontiguousarray(of_all[every]) for of_all in (events, shares))
+    def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array, near: _Motion) -> _Motion:
+        """The motion of the greatest coherence within FAST_STEPS steps of the velocity believed so far, or the best
+        near that if none of them agrees better than it."""
+        so_far, some, shares_of_some = self._contours.velocity, _some_of(events), _some_of(shares)
         steps = range(-FAST_STEPS, FAST_STEPS + 1)
         offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
-        velocities = (self._contours.velocity + offset * (FAST_STEP_PX / time_s) for offset in offsets)
+        velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
         motions = (self._motion(some, time_s, shares_of_some, self._weight, velocity) for velocity in velocities)
-        best = max(motions, key=lambda motion: motion.agreement)
-        return self._coherent(events, time_s, shares, self._weight, best.velocity)
+        best = max(motions, key=lambda motion: motion.agreement).velocity
+        if np.array_equal(best, so_far):
+            return near
+        return self._coherent(events, time_s, shares, self._weight, best)
 
     def _motion(
         self,
@@ -226,6 +227,11 @@ def _is_clearly_better(far: _Motion, near: _Motion) -> bool:
     """Whether a motion farther off is to be believed rather than the best one near by: of few events something always
     agrees. Where those at the near one agree by nothing, that the far one's parts are alike is enough."""
     return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in FAST_TRUST)
+
+
+def _some_of(values: Float32Array) -> Float32Array:
+    """Values of every event, or of every second, third, ... where there are more than SOME_EVENTS_MAX."""
+    return np.ascontiguousarray(values[:: 1 + len(values) // SOME_EVENTS_MAX])
 
 
 def _pixel_numbers(events: Float32Array) -> npt.NDArray[np.int64]:

@@ -1,0 +1,42 @@
+"""What the lists of simulated scenes share that are measured here."""
+
+from __future__ import annotations
+
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from etd_ros.events import Events
+from etd_ros.simulation import Scene, SensorConfig, simulate
+
+
+@dataclass(frozen=True)
+class SeededScene(ABC):
+    """A scene that its seed makes, as `evaluate` and `of_each` take sequences."""
+
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{type(self).__name__.lower()}-{self.seed}"
+
+    def scene(self) -> Scene:
+        return self._made[0]
+
+    def events(self, scene: Scene, *, start_ns: int = 0) -> Iterator[Events]:
+        return simulate(scene, seed=self.seed, start_ns=start_ns, config=self._made[1])
+
+    @cached_property
+    def _made(self) -> tuple[Scene, SensorConfig]:
+        return self.make()
+
+    @abstractmethod
+    def make(self) -> tuple[Scene, SensorConfig]:
+        """The scene, and the sensor that sees it."""
+
+
+def seeds_asked_for(first: int, last: int) -> range:
+    """Those of the command line, or from the first to before the last if it names none."""
+    return range(*map(int, sys.argv[1:3])) if len(sys.argv) > 2 else range(first, last)
