@@ -27,6 +27,7 @@ from etd_ros.conversion import (
 from etd_ros.detection import EdgeBoxes
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
+from etd_ros.longest_frames import LongestFrames
 from etd_ros.read_ahead import read_ahead
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.recovery import make_recovery
@@ -100,9 +101,9 @@ class FrameSource:
         width: sensor width (pixels).
         height: sensor height (pixels).
         settings: of the filter and the converters.
-        regions: where NZGE is measured if `settings.atsltd.entropy_region` says so. Emptied here and by `reset`:
-            boxes of another stream or sensor say nothing about this one.
+        regions: where NZGE is measured if `settings.atsltd.entropy_region` says so; emptied here and by `reset`.
         image_interval_s: only the first frame in each such interval is to have an intensity image; 0: every frame.
+        longest: how long ATSLTD frames may last beside `settings.atsltd`, if a tracker says so.
     """
 
     def __init__(
@@ -113,10 +114,12 @@ class FrameSource:
         settings: Settings,
         regions: SearchRegions | None = None,
         image_interval_s: float = 0.0,
+        longest: LongestFrames | None = None,
     ) -> None:
         self._cadence = Cadence(image_interval_s)
         self._regions = SearchRegions() if regions is None else regions
-        self._regions.boxes = None
+        self._longest = longest
+        self._forget_tracker()
         self._filter = (
             BackgroundActivityFilter(width, height, settings.noise_filter)
             if settings.noise_filter.window_s > 0
@@ -126,13 +129,23 @@ class FrameSource:
 
     def frames(self, events: Events) -> Iterator[Frame]:
         """The frames that this batch finishes."""
-        return self._converter.convert(self._filter.filter(events) if self._filter else events)
+        frames = self._converter.convert(self._filter.filter(events) if self._filter else events)
+        return frames if self._longest is None else self._paced(frames, self._longest)
 
     def last_at_least(self, duration_s: float) -> None:
         """Have frames that NZGE ends last at least so long (s), from the next one on: fewer frames where a later stage
         does not keep up."""
         if isinstance(self._converter, AtsltdConverter):
             self._converter.last_at_least(duration_s)
+
+    def _paced(self, frames: Iterator[Frame], longest: LongestFrames) -> Iterator[Frame]:
+        for frame in frames:
+            yield frame
+            self._last_at_most(longest.next_s())
+
+    def _last_at_most(self, duration_s: float) -> None:
+        if isinstance(self._converter, AtsltdConverter):
+            self._converter.last_at_most(duration_s)
 
     def parts(self, batch: StreamBatch) -> Iterator[Part]:
         """The same for the stages that follow: a part for each frame, and one part where there is none."""
@@ -145,10 +158,17 @@ class FrameSource:
 
     def reset(self) -> None:
         """Start a new stream."""
-        self._regions.boxes = None
+        self._forget_tracker()
+        self._last_at_most(math.inf)
         self._converter.reset()
         if self._filter:
             self._filter.reset()
+
+    def _forget_tracker(self) -> None:
+        """What it said of another stream or sensor says nothing about this one."""
+        self._regions.boxes = None
+        if self._longest is not None:
+            self._longest.start_stream()
 
 
 class ImageSource:
@@ -308,8 +328,8 @@ def track(
         method: one of `METHODS`.
         settings: of all stages.
         threads: whether all before the tracking (reading `streams`, conversion, reconstruction) has a thread beside the
-            caller's. The steps are the same without. Where NZGE is measured in the targets' search regions, each
-            frame waits for the boxes of the last one, and that thread only reads.
+            caller's, a few frames ahead. The steps are the same without. Where NZGE is measured in the targets' search
+            regions, each frame waits for the boxes of the last one, and that thread only reads.
         searches: whether reports say how the targets were looked for (`TargetReport.search`), to be drawn.
 
     Raises:
@@ -319,15 +339,15 @@ def track(
     everything: list[TargetStart | Click] = [*targets, *clicks]
     starts = unique_targets(everything)
     frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
-    regions = SearchRegions()
+    regions, longest = SearchRegions(), LongestFrames()
     with _ahead(streams, threads and frames_wait) as batches:
-        parts = _frames(batches, method, settings, regions)
+        parts = _frames(batches, method, settings, regions, longest)
         if method_named(method).recovers:
             parts = _images(parts, settings)
-        with _ahead(parts, threads and not frames_wait) as made:
+        with _ahead(parts, threads and not frames_wait) as made, closing(longest):
             has_clicks = any(isinstance(start, Click) for start in starts)
             make = partial(make_tracker, method, settings=settings, searches=searches, clicks=has_clicks, auto=auto)
-            yield from _steps(made, starts, make, regions)
+            yield from _steps(made, starts, make, regions, longest)
 
 
 @contextmanager
@@ -341,9 +361,13 @@ def _ahead(items: Iterable[T], in_thread: bool) -> Iterator[Iterable[T]]:
         yield ahead
 
 
-def _frames(streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions) -> Iterator[Part]:
+def _frames(
+    streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions, longest: LongestFrames
+) -> Iterator[Part]:
     chosen = method_named(method)
-    sources = PerSensor(lambda w, h: FrameSource(chosen.conversion, w, h, settings, regions, chosen.image_interval_s))
+    sources = PerSensor(
+        lambda w, h: FrameSource(chosen.conversion, w, h, settings, regions, chosen.image_interval_s, longest)
+    )
     for batch in streams:
         yield from sources.at(batch).parts(batch)
 
@@ -359,6 +383,7 @@ def _steps(
     starts: list[TargetStart | Click],
     make: Callable[[int, int], MultiTracker],
     regions: SearchRegions,
+    longest: LongestFrames,
 ) -> Iterator[Step]:
     size: tuple[int, int] | None = None
     for part in parts:
@@ -375,6 +400,7 @@ def _steps(
         if part.frame is not None:
             reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image, part.frame.start_ns)
             regions.boxes = tracker.search_regions()
+            longest.ask(tracker.longest_frame_s())
             yield Step(part.frame, part.image, reports, tuple(tracker.take_notices()))
 
 

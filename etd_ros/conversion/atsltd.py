@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -106,8 +107,8 @@ class AtsltdConverter(AccumulatingConverter):
     Where `regions` names boxes, NZGE is measured in the cells that have a pixel in one of them, and a small target in
     a quiet scene ends frames as a busy background does not. It is asked once, before a frame's first event.
 
-    If an event comes later than max_duration_s after the frame's start, the frame ends there without it
-    (`FrameEnd.TIME_LIMIT`).
+    If an event comes later than max_duration_s after the frame's start, or the time of `last_at_most` where that is
+    shorter, the frame ends there without it (`FrameEnd.TIME_LIMIT`).
     """
 
     def __init__(
@@ -127,14 +128,27 @@ class AtsltdConverter(AccumulatingConverter):
         self.config = config or AtsltdConfig()
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
-        self._min_duration_ns = round(self.config.min_duration_s * 1e9)
-        self._max_duration_ns = round(self.config.max_duration_s * 1e9)
+        self._at_least_s, self._at_most_s = 0.0, math.inf
+        self._set_durations()
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
 
     def last_at_least(self, duration_s: float) -> None:
         """Have the frames from the next one on last at least so long (s), or as configured where that is longer."""
-        self._min_duration_ns = round(max(duration_s, self.config.min_duration_s) * 1e9)
+        self._at_least_s = duration_s
+        self._set_durations()
+
+    def last_at_most(self, duration_s: float) -> None:
+        """Have the frames from the next one on last at most so long (s), or as configured where that is shorter. They
+        last as long as `last_at_least` says nevertheless."""
+        self._at_most_s = duration_s
+        self._set_durations()
+
+    def _set_durations(self) -> None:
+        config = self.config
+        self._min_duration_ns = round(max(self._at_least_s, config.min_duration_s) * 1e9)
+        longest_s = min(max(self._at_most_s, self._at_least_s), config.max_duration_s)
+        self._max_duration_ns = max(1, round(longest_s * 1e9))
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator

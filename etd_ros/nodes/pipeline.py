@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from sensor_msgs.msg import Image
 
 from etd_ros.conversion import ENTROPY_TARGETS, Frame
 from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, nzge_interval
+from etd_ros.longest_frames import LongestFrames
 from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
@@ -67,9 +69,11 @@ class Pipeline(EtdNode):
         """Make the stages, each for a thread of its own."""
         check_tracker(self)
         method = self._method = method_named(self.options.method)
-        self._regions = SearchRegions()
+        self._regions, self._longest = SearchRegions(), LongestFrames()
         self._frame_sources = PerSensor(
-            lambda w, h: FrameSource(method.conversion, w, h, self.settings, self._regions, method.image_interval_s)
+            lambda w, h: FrameSource(
+                method.conversion, w, h, self.settings, self._regions, method.image_interval_s, self._longest
+            )
         )
         self._image_sources = PerSensor(lambda w, h: ImageSource(w, h, self.settings))
         self._events_not_imaged = 0
@@ -83,6 +87,7 @@ class Pipeline(EtdNode):
 
     def activate(self) -> None:
         """Start the threads; begin to read."""
+        self._longest.open()
         self._imaging = self._stage("pipeline_imaging")
         self._tracking = self._stage("pipeline_tracking")
         self._targets.open()
@@ -92,6 +97,7 @@ class Pipeline(EtdNode):
     def deactivate(self) -> None:
         """Read no more, and end the threads. The tracking waits for the imaging, so it ends first."""
         self._input.close()
+        self._longest.close()
         self._tracking.stop()
         self._imaging.stop()
 
@@ -188,7 +194,7 @@ class Pipeline(EtdNode):
             image = PendingImage() if frame is not None and part.has_image else None
             self._imaging.submit(lambda: self._reconstruct(part, image))
         if frame is not None:
-            self._tracking.submit(lambda: self._track(frame, image.result() if image is not None else None, origin))
+            self._tracking.submit(lambda: self._track(frame, image, origin))
 
     def _reconstruct(self, part: Part, pending: PendingImage | None) -> None:
         image = None
@@ -198,7 +204,15 @@ class Pipeline(EtdNode):
             if pending is not None:
                 pending.set_result(image)
 
-    def _track(self, frame: Frame, image: Image8 | None, origin: Origin) -> None:
+    def _track(self, frame: Frame, pending: PendingImage | None, origin: Origin) -> None:
+        longest_s = math.inf
+        try:
+            longest_s = self._track_on(frame, pending.result() if pending is not None else None, origin)
+        finally:
+            self._longest.ask(longest_s)
+
+    def _track_on(self, frame: Frame, image: Image8 | None, origin: Origin) -> float:
+        """Track, and publish what is read; how long the next frames may last (s)."""
         frame_id = origin.frame_id
         height, width = shape = frame.data.shape[:2]
         if self._tracker is None or shape != self._tracker_shape:
@@ -215,6 +229,7 @@ class Pipeline(EtdNode):
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions, frame.nzge)
         self.latencies.note(origin.received_s)
+        return self._tracker.longest_frame_s()
 
 
 def main() -> int:

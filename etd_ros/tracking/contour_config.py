@@ -27,6 +27,12 @@ class ContourConfig(Parameters):
     angle_gain: float = parameter(
         0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
     )
+    frame_motion: float = parameter(
+        0.05,
+        "frames last until a target has moved by this share of its size, or as atsltd says: a box is true at their end",
+        low=0.001,
+        high=100.0,
+    )
     ridge_weight: float = parameter(
         0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
     )

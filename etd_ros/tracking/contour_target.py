@@ -58,6 +58,8 @@ STILL_S = 0.03
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 """No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
 the look is a wide one."""
+FRAME_MIN_S = 0.0005
+"""Frames are not asked to be shorter than this, however fast the target."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
 
@@ -111,6 +113,16 @@ class ContourTarget:
     def search_region(self) -> Box:
         """Where it is looked for on the next frame (pixels)."""
         return self._contours.box_at(*self._contours.predicted(self._surface.stamp_ns)).scaled(SEARCH_MARGIN)
+
+    @property
+    def longest_frame_s(self) -> float:
+        """How long the next frames may last (s): until it has moved by `frame_motion` of its size; inf where its motion
+        is not known."""
+        is_followed = self._state is TargetState.TRACKING and self._start_up is None and self._failing_s == 0
+        sizes_per_s = self._contours.sizes_per_s
+        if not is_followed or sizes_per_s == 0:
+            return math.inf
+        return max(FRAME_MIN_S, self._contour_config.frame_motion / sizes_per_s)
 
     def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is

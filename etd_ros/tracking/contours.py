@@ -148,6 +148,13 @@ class Contours:
         return math.hypot(*self.velocity.tolist())
 
     @property
+    def sizes_per_s(self) -> float:
+        """How fast the target moves in widths and in heights of its box, together (1/s): what a box that stays behind
+        loses of its overlap."""
+        box, (right, down) = self.box, self.velocity.tolist()
+        return abs(right) / box.w + abs(down) / box.h
+
+    @property
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
         x, y, turning, growing = self.direction.tolist()

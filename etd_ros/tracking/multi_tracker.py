@@ -87,6 +87,11 @@ class MultiTracker:
         started = (target for target in self._targets.values() if target.state is not TargetState.IDLE)
         return [target.search_region for target in started] or None
 
+    def longest_frame_s(self) -> float:
+        """How long the next frames may last (s), so that the fastest target is still where its box is when the next one
+        comes; inf: no matter how long."""
+        return min((target.longest_frame_s for target in self._targets.values()), default=math.inf)
+
     def start(self, name: str, box: Box, stamp_ns: int = 0) -> None:
         """Track a target that is at `box` at `stamp_ns`.
 

@@ -16,6 +16,7 @@ A target that stands still while others move gets no events, so no candidate: th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -154,6 +155,11 @@ class Target:
     def search_region(self) -> Box:
         """Where it is looked for on the next frame (pixels)."""
         return self._last_box.scaled(self._detector.config.search_scale)
+
+    @property
+    def longest_frame_s(self) -> float:
+        """How long the next frames may last (s): how fast it moves is not known."""
+        return math.inf
 
     @property
     def candidates(self) -> Proposals:
