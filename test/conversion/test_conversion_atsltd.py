@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from conversion_oracles import (
@@ -243,6 +245,40 @@ def test_frames_can_be_made_longer_from_the_next_one_on_and_are_as_configured_ag
     converter.reset()
     converter.last_at_least(0.0)
     assert_same_frames(frames_of(converter, [events]), frames_of(AtsltdConverter(18, 13, config), [events]))
+
+
+def test_frames_can_be_made_shorter_from_the_next_one_on_and_are_as_configured_again():
+    events = random_events(4, 3000, 18, 13, 30 * MS)
+    config = AtsltdConfig(check_stride=7, min_duration_s=0.003)
+    converter = AtsltdConverter(18, 13, config)
+    converter.last_at_most(0.001)
+    short = frames_of(converter, [events])
+    assert {(frame.stamp_ns - frame.start_ns, frame.end) for frame in short} == {(MS, FrameEnd.TIME_LIMIT)}
+    for frame in short:
+        first, last = np.searchsorted(events.t, [frame.start_ns, frame.stamp_ns])
+        np.testing.assert_array_equal(frame.data, closed_form(events[first:last], frame.start_ns, frame.stamp_ns))
+    converter.reset()
+    converter.last_at_most(math.inf)
+    assert_same_frames(frames_of(converter, [events]), frames_of(AtsltdConverter(18, 13, config), [events]))
+
+
+@pytest.mark.parametrize("order", ["last_at_least first", "last_at_most first"])
+def test_frames_that_are_to_last_longer_do_so_although_they_were_to_be_shorter(order):
+    events = random_events(4, 3000, 18, 13, 30 * MS)
+    converter, expected = (AtsltdConverter(18, 13, AtsltdConfig(check_stride=7)) for _ in range(2))
+    limits = [lambda: converter.last_at_least(0.004), lambda: converter.last_at_most(0.001)]
+    for limit in limits if order == "last_at_least first" else limits[::-1]:
+        limit()
+    expected.last_at_least(0.004)
+    expected.last_at_most(0.004)
+    assert_same_frames(frames_of(converter, [events]), frames_of(expected, [events]))
+
+
+def test_no_limit_of_a_frame_is_longer_than_configured():
+    events = make_events([0, 10 * MS, 25 * MS], [0, 1, 2], [0] * 3, [1] * 3, 4, 4)
+    converter = AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01))
+    converter.last_at_most(0.5)
+    assert summary(frames_of(converter, [events])) == [(0, 10 * MS, 2, "time_limit")]
 
 
 def test_time_limit_ends_a_frame_without_the_event_that_comes_after_it():

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from conftest import Bench
 from diagnostic_msgs.msg import DiagnosticArray
 from vision_msgs.msg import Detection2DArray
 
@@ -65,19 +66,34 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
     assert_same_boxes(live_boxes(bench.messages["/tracker/detections"], bench.messages["/tracker/status"]), expected)
 
 
+def pipeline_boxes(bench: Bench, recording: Path, truth: Path, frames: int, *parameters: str) -> Boxes:
+    """What a pipeline says of so many frames of a recording that is replayed."""
+    bench.listen("/pipeline/detections", Detection2DArray)
+    bench.listen("/pipeline/status", DiagnosticArray)
+    assignments = [word for parameter in (f"targets_file:={truth}", *parameters) for word in ("-p", parameter)]
+    bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", *assignments))
+    replay = bench.start("replay", str(recording))
+    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
+    bench.wait_until(lambda: len(bench.messages["/pipeline/status"]) >= frames, "every frame is tracked")
+    return live_boxes(bench.messages["/pipeline/detections"], bench.messages["/pipeline/status"])
+
+
 @pytest.mark.parametrize("region", ["sensor", "targets"])
 @pytest.mark.parametrize("method", ["etd-plus", "etd"])
 def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, tmp_path, method, region):
     recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
     entropy_region = ("--set", f"atsltd.entropy_region={region}")
     expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method, *entropy_region)
-    bench.listen("/pipeline/detections", Detection2DArray)
-    bench.listen("/pipeline/status", DiagnosticArray)
-    parameters = (f"method:={method}", f"targets_file:={truth}", f"atsltd.entropy_region:={region}")
-    assignments = [word for parameter in parameters for word in ("-p", parameter)]
-    bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", *assignments))
-    replay = bench.start("replay", str(recording))
-    stamps = {stamp for _, stamp in expected}
-    bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
-    bench.wait_until(lambda: len(bench.messages["/pipeline/status"]) >= len(stamps), "every frame is tracked")
-    assert_same_boxes(live_boxes(bench.messages["/pipeline/detections"], bench.messages["/pipeline/status"]), expected)
+    frames = len({stamp for _, stamp in expected})
+    parameters = (f"method:={method}", f"atsltd.entropy_region:={region}")
+    assert_same_boxes(pipeline_boxes(bench, recording, truth, frames, *parameters), expected)
+
+
+def test_the_pipeline_gives_the_offline_boxes_of_a_target_that_is_so_fast_that_its_frames_are_shorter(bench, tmp_path):
+    recording = tmp_path / "whirl"
+    assert main(["simulate", "whirl", "--output", str(recording)]) == 0
+    truth = recording / "boxes.csv"
+    expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", "etd-plus")
+    no_limit = offline_boxes(recording, truth, tmp_path / "no.csv", "etd-plus", "--set", "contours.frame_motion=100")
+    assert len(expected) > len(no_limit)
+    assert_same_boxes(pipeline_boxes(bench, recording, truth, len(expected)), expected)
