@@ -15,6 +15,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
 from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
@@ -93,7 +94,7 @@ class ContourTarget:
         self._usual: UsualLooks
         self._steady: SteadyMotion
         self._confidence: float
-        self._held: Box | None
+        self._held: Held | None
         self._sure: Standing | None
         self._search: ContourSearch
         self._updated_ns: int
@@ -144,7 +145,8 @@ class ContourTarget:
         elif self._contours.is_due(stamp_ns):
             self._follow(stamp_ns)
         if self._state is not TargetState.TRACKING:
-            return TargetReport(self.name, self.state, self._held, 0.0)
+            held_box = self._held.box_at(stamp_ns) if self._held else None
+            return TargetReport(self.name, self.state, held_box, 0.0)
         is_sure = self._start_up is None and self._failing_s == 0
         self._images.remember(stamp_ns, image, self._contours.box, is_sure=is_sure)
         box = self._contours.box_at(*self._contours.predicted(stamp_ns))
@@ -301,14 +303,16 @@ class ContourTarget:
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
         """A target that was slowing down stands still now; one that was not may have vanished behind something, or have
-        stopped: it keeps its box, and is looked for there and where its motion would bring it."""
+        stopped: it keeps its box, after a moment if it is fast, and is looked for there and where its motion would
+        bring it."""
         contours = self._contours
         if self._is_leaving():
             self._quiet_s += elapsed_s
         elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
+            moving = moving_on(contours, stamp_ns)
             self._failing_s = 0.0
             self._fail(stamp_ns)
-            self._held = contours.box
+            self._held = Held(contours.box, moving, stamp_ns, self._surface)
             return
         contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns

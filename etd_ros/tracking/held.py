@@ -1,0 +1,47 @@
+"""Where a target is said to be that has no events for a moment: it has stopped, or moves on unseen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.surface import TimeSurface
+
+FAST_SIZES_PER_S, MOVES_ON_S = 8.0, 0.1
+"""What moves faster than this does not come to a halt at once: its box moves on for so long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What is said of a target without events.
+
+    Attributes:
+        box: where it is if it has stopped (pixels).
+        moving: where it would be at `stamp_ns` (ns) if it moved on (pixels), and its velocity, x and y (pixels/s); None
+            where that is not believed.
+        surface: what the sensor sees.
+    """
+
+    box: Box
+    moving: tuple[Box, float, float] | None
+    stamp_ns: int
+    surface: TimeSurface
+
+    def box_at(self, stamp_ns: int) -> Box:
+        """Where it is said to be at a time (pixels)."""
+        since_s = (stamp_ns - self.stamp_ns) * 1e-9
+        if self.moving is None or since_s > MOVES_ON_S:
+            return self.box
+        (x, y, w, h), right_px_s, down_px_s = self.moving
+        moved = Box(x + right_px_s * since_s, y + down_px_s * since_s, w, h)
+        # Beyond the border it would be gone; what turns back there has not left.
+        return moved if self.surface.holds(*moved.center) else self.box
+
+
+def moving_on(contours: Contours, stamp_ns: int) -> tuple[Box, float, float] | None:
+    """`Held.moving` of a target that its last looks have brought to where it is."""
+    if contours.sizes_per_s <= FAST_SIZES_PER_S:
+        return None
+    right_px_s, down_px_s = contours.velocity.tolist()
+    return contours.box_at(*contours.predicted(stamp_ns)), right_px_s, down_px_s

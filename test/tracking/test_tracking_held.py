@@ -1,0 +1,76 @@
+"""What has no events for a moment stands still, unless it was so fast that it moves on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, events_of, overlap, scene_of, tracked
+
+from etd_ros.boxes import Box
+from etd_ros.engine import FrameSource
+from etd_ros.events import Events
+from etd_ros.settings import Settings
+from etd_ros.simulation import Waypoint
+from etd_ros.tracking import TargetState
+from etd_ros.tracking.held import MOVES_ON_S, Held
+from etd_ros.tracking.surface import TimeSurface
+
+SEEN_UNTIL_S = 0.08
+
+
+def frames_without_it(scene, since_s, until_s=np.inf):
+    """The frames of a scene whose target has no events for a time; what the background has it has."""
+    events = events_of(scene, noise_rate_hz=20_000.0)
+    kept = np.ones(len(events), bool)
+    for k, (t, x, y) in enumerate(zip((events.t - START_NS) * 1e-9, events.x, events.y, strict=True)):
+        if since_s <= t < until_s:
+            left, top, w, h = scene.box("thing", t).scaled(1.4)
+            kept[k] = not (left <= x < left + w and top <= y < top + h)
+    rest = Events(events.t[kept], events.x[kept], events.y[kept], events.p[kept], WIDTH, HEIGHT)
+    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
+
+
+def crossing(speed_px_s, duration_s=0.14):
+    return scene_of(Waypoint(0.0, 40.0, 90.0), Waypoint(1.0, 40.0 + speed_px_s, 90.0), duration_s=duration_s)
+
+
+def test_the_box_of_a_fast_target_moves_on_without_events_and_is_followed_when_they_are_back():
+    scene = crossing(900.0)
+    found = tracked(scene, frames=frames_without_it(scene, SEEN_UNTIL_S, SEEN_UNTIL_S + 0.02))
+    unseen = [(report, truth) for _, report, truth in found if report.score == 0.0]
+    assert unseen
+    assert all(report.state is TargetState.TRACKING for report, _ in unseen)
+    assert min(overlap(report, truth) for report, truth in unseen) > 0.7
+    _, report, truth = found[-1]
+    assert report.score > 0
+    assert overlap(report, truth) > 0.7
+
+
+def test_a_slow_target_without_events_stands_still():
+    scene = crossing(150.0, duration_s=0.5)
+    found = tracked(scene, frames=frames_without_it(scene, 0.3))
+    boxes = [report.box for _, report, _ in found if report.score == 0.0]
+    assert boxes
+    assert set(boxes) == {boxes[0]}
+    assert boxes[0].center == pytest.approx(scene.box("thing", 0.3).center, abs=3.0)
+
+
+def test_a_fast_target_that_stays_without_events_is_said_to_be_where_it_was_seen_surely():
+    scene = crossing(900.0, duration_s=SEEN_UNTIL_S + 2 * MOVES_ON_S)
+    found = tracked(scene, frames=frames_without_it(scene, SEEN_UNTIL_S))
+    _, last, _ = found[-1]
+    assert last.state is TargetState.TRACKING
+    assert last.box.center == pytest.approx(scene.box("thing", SEEN_UNTIL_S).center, abs=0.5 * SIZE)
+
+
+def test_a_box_moves_on_as_long_as_that_is_believed_and_on_the_sensor():
+    surface = TimeSurface(WIDTH, HEIGHT)
+    stopped, moving = Box(50, 50, 20, 20), Box(60, 50, 20, 20)
+    held = Held(stopped, (moving, 1000.0, -100.0), START_NS, surface)
+    assert held.box_at(START_NS) == moving
+    assert held.box_at(START_NS + 50_000_000) == Box(110, 45, 20, 20)
+    assert held.box_at(START_NS + round(MOVES_ON_S * 1e9) + 1) == stopped
+    over_the_border = Held(stopped, (moving, 2000.0, 0.0), START_NS, surface)
+    assert over_the_border.box_at(START_NS + 80_000_000) == Box(220, 50, 20, 20)
+    assert over_the_border.box_at(START_NS + 90_000_000) == stopped
+    assert Held(stopped, None, START_NS, surface).box_at(START_NS + 50_000_000) == stopped
