@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Generic, Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from etd_ros.detection import EdgeBoxes
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
 from etd_ros.longest_frames import LongestFrames
+from etd_ros.per_sensor import PerSensor
 from etd_ros.read_ahead import read_ahead
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.recovery import make_recovery
@@ -206,42 +207,6 @@ class ImageSource:
     def reset(self) -> None:
         """Start a new stream."""
         self._reconstruction.reset()
-
-
-class _Stage(Protocol):
-    def reset(self) -> None: ...
-
-
-StageT = TypeVar("StageT", bound=_Stage)
-
-
-class PerSensor(Generic[StageT]):
-    """A stage that is made anew when the sensor size changes, and reset where a stream starts.
-
-    Args:
-        make: makes the stage for a width and a height (pixels).
-    """
-
-    def __init__(self, make: Callable[[int, int], StageT]) -> None:
-        self._make = make
-        self._size: tuple[int, int] | None = None
-        self._stage: StageT
-
-    def at(self, batch: StreamBatch | None) -> StageT:
-        """The stage for the next batch; None for the same as the last time, which is there by then."""
-        if batch is None:
-            return self._stage
-        size = (batch.events.width, batch.events.height)
-        if size != self._size:
-            self._stage = self._make(*size)
-            self._size = size
-        elif batch.restart is not None:
-            self._stage.reset()
-        return self._stage
-
-    def forget(self) -> None:
-        """Have the next batch's stage made anew, as where settings have changed."""
-        self._size = None
 
 
 def nzge_interval(conversion: str, settings: Settings) -> tuple[float, float]:

@@ -21,7 +21,9 @@ class LongestFrames:
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self.open()
+        self._asked_s = deque([math.inf] * FRAMES_LATER)
+        self._of_last_stream = 0
+        self._is_closed = False
 
     def open(self) -> None:
         """Begin, or begin again where frames on their way were dropped; nobody waits."""

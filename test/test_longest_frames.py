@@ -38,6 +38,10 @@ def test_what_is_asked_for_holds_for_a_frame_some_frames_later():
     assert asked_after(asked_s, LongestFrames()) == [math.inf] * FRAMES_LATER + asked_s[:-FRAMES_LATER]
 
 
+def test_that_is_the_third_frame_after_it():
+    assert asked_after([0.001, 0.002, 0.003], LongestFrames()) == [math.inf, math.inf, 0.001]
+
+
 def test_a_new_stream_has_no_limit_until_its_own_frames_were_tracked():
     longest = LongestFrames()
     asked_after([0.001] * 10, longest)
@@ -121,25 +125,37 @@ def test_a_fast_target_ends_frames_before_it_has_left_its_box():
     assert overlaps.min() > 0.75
 
 
+def again(restart: Restart, cut: int = 1000) -> list[StreamBatch]:
+    """The same flight in a new stream, 10 s later; on a larger sensor if its size is what starts it."""
+    width, height = (300, 200) if restart is Restart.SIZE else (EVENTS.width, EVENTS.height)
+    later = Events(EVENTS.t + 10**10, EVENTS.x, EVENTS.y, EVENTS.p, width, height)
+    return batches(later, cut=cut, restart=restart)
+
+
+LATER = TargetStart("later", Box(*SCENE.box("thing", 0.0)), START_NS + 10**10)
+
+
 @pytest.mark.parametrize("cut", [200, 10**9])
-@pytest.mark.parametrize("method", ["etd-plus", "etd-nr"])
-def test_frames_of_a_fast_target_do_not_depend_on_threads_and_cuts(cut, method):
+def test_frames_of_a_fast_target_do_not_depend_on_threads_and_cuts(cut):
     def rows(cut: int, *, threads: bool):
-        streams = [
-            *batches(cut=cut),
-            *batches(
-                Events(EVENTS.t + 10**10, EVENTS.x, EVENTS.y, EVENTS.p, EVENTS.width, EVENTS.height),
-                cut=cut,
-                restart=Restart.GAP,
-            ),
-        ]
-        later = TargetStart("later", Box(*SCENE.box("thing", 0.0)), START_NS + 10**10)
-        steps = track(streams, [TARGET, later], method=method, threads=threads)
+        steps = track([*batches(cut=cut), *again(Restart.GAP, cut)], [TARGET, LATER], threads=threads)
         return [(step.frame.start_ns, step.frame.stamp_ns, step.frame.data.tobytes(), step.reports) for step in steps]
 
     expected = rows(1000, threads=False)
     assert rows(cut, threads=True) == expected
     assert rows(cut, threads=False) == expected
+
+
+@pytest.mark.parametrize("restart", [Restart.GAP, Restart.SIZE])
+def test_the_first_frames_of_a_stream_do_not_depend_on_how_fast_a_target_of_the_last_one_was(restart):
+    # A target that starts later than its stream asks for nothing in its first frames.
+    late = TargetStart("late", LATER.box, LATER.stamp_ns + 10**10)
+
+    def first_stamps(streams: list[StreamBatch], *targets: TargetStart) -> list[int]:
+        return [step.frame.stamp_ns for step in track(streams, targets) if step.frame.stamp_ns > 10**10][:4]
+
+    alone = [batch if number else StreamBatch(batch.events, None) for number, batch in enumerate(again(restart))]
+    assert first_stamps([*batches(), *again(restart)], TARGET, late) == first_stamps(alone, late)
 
 
 def test_frames_of_a_target_that_is_slow_are_as_if_nobody_asked():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from etd_ros.conversion import BackgroundActivityFilter, NoiseFilterConfig
-from etd_ros.engine import PerSensor
+from etd_ros.per_sensor import PerSensor
 from etd_ros.stream import StreamBatch
 
 

@@ -129,26 +129,26 @@ class AtsltdConverter(AccumulatingConverter):
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._at_least_s, self._at_most_s = 0.0, math.inf
-        self._set_durations()
+        self._min_duration_ns, self._max_duration_ns = self._durations_ns()
+        self._next_durations_ns: tuple[int, int] | None = None
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
 
     def last_at_least(self, duration_s: float) -> None:
         """Have the frames from the next one on last at least so long (s), or as configured where that is longer."""
         self._at_least_s = duration_s
-        self._set_durations()
+        self._next_durations_ns = self._durations_ns()
 
     def last_at_most(self, duration_s: float) -> None:
         """Have the frames from the next one on last at most so long (s), or as configured where that is shorter. They
         last as long as `last_at_least` says nevertheless."""
         self._at_most_s = duration_s
-        self._set_durations()
+        self._next_durations_ns = self._durations_ns()
 
-    def _set_durations(self) -> None:
+    def _durations_ns(self) -> tuple[int, int]:
         config = self.config
-        self._min_duration_ns = round(max(self._at_least_s, config.min_duration_s) * 1e9)
         longest_s = min(max(self._at_most_s, self._at_least_s), config.max_duration_s)
-        self._max_duration_ns = max(1, round(longest_s * 1e9))
+        return round(max(self._at_least_s, config.min_duration_s) * 1e9), max(1, round(longest_s * 1e9))
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
@@ -158,6 +158,10 @@ class AtsltdConverter(AccumulatingConverter):
         while i < number:
             if self._regions is not None and accumulator.events == 0:
                 accumulator.count_in(self._regions())
+            if self._next_durations_ns is not None and accumulator.events == 0:
+                # Not before: the frame under way may hold events from after its new end.
+                self._min_duration_ns, self._max_duration_ns = self._next_durations_ns
+                self._next_durations_ns = None
             i, reached_nzge, frame_events = advance(
                 accumulator.store,
                 accumulator.state,

@@ -8,13 +8,14 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.conversion import ENTROPY_TARGETS
-from etd_ros.engine import CONVERSIONS, FrameSource, PerSensor, SearchRegions, nzge_interval
+from etd_ros.engine import CONVERSIONS, FrameSource, SearchRegions, nzge_interval
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
 from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
 from etd_ros.parameters import parameter
+from etd_ros.per_sensor import PerSensor
 from etd_ros.stream import StreamBatch
 from msg_adapters import EventMessage, decode_detections, encode_image
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from sensor_msgs.msg import Image
 
 from etd_ros.conversion import ENTROPY_TARGETS, Frame
-from etd_ros.engine import FrameSource, ImageSource, Part, PerSensor, SearchRegions, nzge_interval
+from etd_ros.engine import FrameSource, ImageSource, Part, SearchRegions, nzge_interval
 from etd_ros.longest_frames import LongestFrames
 from etd_ros.nodes.base import EtdNode, Phase
 from etd_ros.nodes.event_input import EventInput
@@ -22,6 +22,7 @@ from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_input import TargetInput
 from etd_ros.nodes.target_topics import ResetService, TrackingOptions, TrackingOutput
 from etd_ros.nodes.worker import Inline, Relay, Task
+from etd_ros.per_sensor import PerSensor
 from etd_ros.settings import STAGES
 from etd_ros.stream import StreamBatch
 from etd_ros.tracking import MultiTracker, method_named

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.engine import FrameSource, PerSensor
+from etd_ros.engine import FrameSource
 from etd_ros.events import Events
+from etd_ros.per_sensor import PerSensor
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recordings.interface import RecordedImage
 from etd_ros.settings import Settings

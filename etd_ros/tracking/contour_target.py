@@ -119,9 +119,10 @@ class ContourTarget:
     def longest_frame_s(self) -> float:
         """How long the next frames may last (s): until it has moved by `frame_motion` of its size; inf where its motion
         is not known."""
-        is_followed = self._state is TargetState.TRACKING and self._start_up is None and self._failing_s == 0
+        is_followed = self._state is TargetState.TRACKING and self._start_up is None
+        is_sure = is_followed and self._failing_s == 0 and self._settling == 0
         sizes_per_s = self._contours.sizes_per_s
-        if not is_followed or sizes_per_s == 0:
+        if not is_sure or sizes_per_s == 0:
             return math.inf
         return max(FRAME_MIN_S, self._contour_config.frame_motion / sizes_per_s)
 
@@ -160,6 +161,7 @@ class ContourTarget:
         self._contours.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
         self._contours.uncover()
+        self._held = replace(self._held, moving=None) if self._held else None
         self._images.time_went_back(stamp_ns)
         self._sure = None
         self._failing_s = self._quiet_s = 0.0

@@ -40,7 +40,7 @@ class Held:
 
 
 def moving_on(contours: Contours, stamp_ns: int) -> tuple[Box, float, float] | None:
-    """`Held.moving` of a target that its last looks have brought to where it is."""
+    """`Held.moving` of a target that has no events from now on, by the motion that its last looks saw, sure or not."""
     if contours.sizes_per_s <= FAST_SIZES_PER_S:
         return None
     right_px_s, down_px_s = contours.velocity.tolist()

@@ -274,6 +274,24 @@ def test_frames_that_are_to_last_longer_do_so_although_they_were_to_be_shorter(o
     assert_same_frames(frames_of(converter, [events]), frames_of(expected, [events]))
 
 
+@pytest.mark.parametrize("limit", ["last_at_least", "last_at_most"])
+def test_the_frame_under_way_ends_as_it_was_to_when_it_began(limit):
+    t_ms = [0.0, 0.2, 1.0, 2.0, 3.0, 3.1, 3.2, 4.5, 4.6]
+    events = make_events([round(ms * MS) for ms in t_ms], [0, 1, 2, 3, 0, 1, 2, 3, 0], [0] * 9, [1] * 9, 4, 4)
+    converter = AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01))
+    converter.last_at_most(0.0005)
+    converter.last_at_least(0.004)
+    assert not frames_of(converter, [events[:5]])
+    if limit == "last_at_least":
+        converter.last_at_least(0.0)
+    else:
+        converter.last_at_least(0.0005)
+        converter.last_at_most(0.0002)
+    first, second = summary(frames_of(converter, [events[5:]]))
+    assert first == (0, 4 * MS, 7, "time_limit")
+    assert second[1] - second[0] == 0.5 * MS
+
+
 def test_no_limit_of_a_frame_is_longer_than_configured():
     events = make_events([0, 10 * MS, 25 * MS], [0, 1, 2], [0] * 3, [1] * 3, 4, 4)
     converter = AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01))

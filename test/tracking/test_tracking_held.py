@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, events_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.engine import FrameSource
 from etd_ros.events import Events
 from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint
-from etd_ros.tracking import TargetState
-from etd_ros.tracking.held import MOVES_ON_S, Held
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.held import MOVES_ON_S, Held, moving_on
 from etd_ros.tracking.surface import TimeSurface
 
 SEEN_UNTIL_S = 0.08
+EMPTY = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
 
 
 def frames_without_it(scene, since_s, until_s=np.inf):
@@ -41,6 +45,10 @@ def test_the_box_of_a_fast_target_moves_on_without_events_and_is_followed_when_t
     assert unseen
     assert all(report.state is TargetState.TRACKING for report, _ in unseen)
     assert min(overlap(report, truth) for report, truth in unseen) > 0.7
+    last_seen, first_unseen = next(
+        pair for pair in pairwise(report.box.center for _, report, _ in found) if pair[1] == unseen[0][0].box.center
+    )
+    assert 0 < first_unseen[0] - last_seen[0] < 900.0 * 0.006
     _, report, truth = found[-1]
     assert report.score > 0
     assert overlap(report, truth) > 0.7
@@ -60,7 +68,7 @@ def test_a_fast_target_that_stays_without_events_is_said_to_be_where_it_was_seen
     found = tracked(scene, frames=frames_without_it(scene, SEEN_UNTIL_S))
     _, last, _ = found[-1]
     assert last.state is TargetState.TRACKING
-    assert last.box.center == pytest.approx(scene.box("thing", SEEN_UNTIL_S).center, abs=0.5 * SIZE)
+    assert last.box.center == pytest.approx(scene.box("thing", SEEN_UNTIL_S).center, abs=4.0)
 
 
 def test_a_box_moves_on_as_long_as_that_is_believed_and_on_the_sensor():
@@ -74,3 +82,24 @@ def test_a_box_moves_on_as_long_as_that_is_believed_and_on_the_sensor():
     assert over_the_border.box_at(START_NS + 80_000_000) == Box(220, 50, 20, 20)
     assert over_the_border.box_at(START_NS + 90_000_000) == stopped
     assert Held(stopped, None, START_NS, surface).box_at(START_NS + 50_000_000) == stopped
+
+
+def test_a_box_that_was_moving_on_stays_where_it_was_when_the_clock_goes_back():
+    scene = crossing(900.0, duration_s=SEEN_UNTIL_S + 0.05)
+    frames = frames_without_it(scene, SEEN_UNTIL_S)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene.box("thing", 0.0))
+    for frame in frames:
+        (before,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert before.score == 0.0
+    boxes = [tracker.update(START_NS + 5_000_000 * k, EMPTY)[0].box for k in range(1, 40)]
+    assert set(boxes) == {boxes[0]}
+    assert boxes[0].center == pytest.approx(scene.box("thing", SEEN_UNTIL_S).center, abs=4.0)
+
+
+def test_only_what_moves_by_eight_times_its_size_in_a_second_moves_on():
+    contours = Contours(Box(50, 50, 20, 20), START_NS, ContourConfig())
+    contours.velocity[:] = 0.0, 159.0
+    assert moving_on(contours, START_NS + 10_000_000) is None
+    contours.velocity[:] = 0.0, 200.0
+    assert moving_on(contours, START_NS + 10_000_000) == (Box(50, 52, 20, 20), 0.0, 200.0)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, scene_of
 
 from etd_ros.boxes import Box
-from etd_ros.simulation import Waypoint
+from etd_ros.simulation import Path, Sprite, Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, TrackerConfig
+from etd_ros.tracking.contours import Contours
 
 FRAME_SHARE = 0.05
+TRACKING = TargetState.TRACKING
 
 
 def crossing(speed_px_s: float, size_scale: float = 1.0):
@@ -21,56 +24,89 @@ def crossing(speed_px_s: float, size_scale: float = 1.0):
 
 
 def limits_s(scene, *, config=None, add=()):
-    """(state, what is asked for after it) of each frame."""
+    """State, score, and what is asked for after it, by the time of each frame (s)."""
     tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig())
     tracker.start("thing", scene.box("thing", 0.0), START_NS)
     for name, box in add:
         tracker.start(name, box, START_NS)
-    asked = []
+    asked = {}
     for frame in frames_of(scene):
         report, *_ = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
-        asked.append((report.state, tracker.longest_frame_s()))
+        asked[(frame.stamp_ns - START_NS) * 1e-9] = report.state, report.score, tracker.longest_frame_s()
     return asked
+
+
+def last_limit_s(scene, **options):
+    return list(limits_s(scene, **options).values())[-1][2]
+
+
+def test_a_target_loses_overlap_by_its_motion_in_parts_of_its_width_and_of_its_height():
+    contours = Contours(Box(10.0, 10.0, 20.0, 50.0), START_NS, ContourConfig())
+    assert contours.sizes_per_s == 0
+    contours.velocity[:] = -200.0, 100.0
+    assert contours.sizes_per_s == pytest.approx(200 / 20 + 100 / 50)
 
 
 @pytest.mark.parametrize("speed_px_s", [200.0, 800.0])
 def test_frames_are_to_last_until_the_target_has_moved_by_a_share_of_its_size(speed_px_s):
-    asked = [limit_s for _, limit_s in limits_s(crossing(speed_px_s))]
+    asked = [limit_s for _, _, limit_s in limits_s(crossing(speed_px_s)).values()]
     half = len(asked) // 2
     assert asked[half:] == pytest.approx([FRAME_SHARE * SIZE / speed_px_s] * (len(asked) - half), rel=0.25)
 
 
 def test_the_share_can_be_chosen():
     half_as_much, usual = (
-        limits_s(crossing(400.0), config=ContourConfig(frame_motion=share))[-1][1] for share in (0.025, 0.05)
+        last_limit_s(crossing(400.0), config=ContourConfig(frame_motion=share)) for share in (0.025, 0.05)
     )
     assert half_as_much == pytest.approx(usual / 2)
 
 
 def test_the_fastest_of_several_targets_decides():
-    alone, with_another = limits_s(crossing(400.0)), limits_s(crossing(400.0), add=[("still", Box(10, 10, 30, 30))])
-    assert with_another[-1] == alone[-1]
+    alone = last_limit_s(crossing(400.0))
+    assert last_limit_s(crossing(400.0), add=[("still", Box(10, 10, 30, 30))]) == alone
 
 
-def test_frames_may_last_as_they_like_before_a_target_starts_and_while_its_motion_is_not_known():
+def test_frames_may_last_as_they_like_before_a_target_starts():
     assert MultiTracker(WIDTH, HEIGHT, contours=ContourConfig()).longest_frame_s() == math.inf
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
     tracker.start("thing", Box(10, 10, 30, 30), START_NS)
     assert tracker.longest_frame_s() == math.inf
-    assert limits_s(crossing(800.0))[0][1] == math.inf
+
+
+def test_a_target_that_stands_still_asks_for_nothing():
+    asked = limits_s(scene_of(Waypoint(0.0, 100.0, 90.0), Waypoint(0.5, 100.0, 90.0), duration_s=0.5))
+    assert {limit_s for _, _, limit_s in asked.values()} == {math.inf}
+
+
+def test_a_target_asks_for_nothing_while_its_start_measures_its_motion():
+    # The first look is after 5 ms; a start lasts for 3 px.
+    scene = scene_of(Waypoint(0.0, 80.0, 90.0), Waypoint(0.2, 120.0, 90.0), duration_s=0.2)
+    asked = limits_s(scene)
+    at_first = [limit_s for time_s, (_, _, limit_s) in asked.items() if time_s < 0.012]
+    assert len(at_first) > 3
+    assert set(at_first) == {math.inf}
+    assert list(asked.values())[-1][2] < math.inf
+
+
+def test_a_target_asks_for_nothing_while_looks_fail():
+    pillar = Sprite("pillar", np.full((HEIGHT, 60), 0.3), np.ones((HEIGHT, 60)), Path([Waypoint(0.0, 150.0, 90.0)]))
+    scene = scene_of(Waypoint(0.0, 60.0, 90.0), Waypoint(0.5, 210.0, 90.0), duration_s=0.5, cover=(pillar,))
+    failing = [limit for state, score, limit in limits_s(scene).values() if score < 0.5 and state is TRACKING]
+    assert len(failing) > 3
+    assert set(failing) == {math.inf}
 
 
 def test_a_target_that_is_lost_asks_for_nothing():
     asked = limits_s(scene_of(Waypoint(0.0, 150.0, 90.0), Waypoint(0.4, 300.0, 90.0), duration_s=0.9))
-    assert any(limit_s < math.inf for _, limit_s in asked)
-    lost = [limit_s for state, limit_s in asked if state in {TargetState.RECOVERING, TargetState.LOST}]
+    assert any(limit_s < math.inf for _, _, limit_s in asked.values())
+    lost = [limit_s for state, _, limit_s in asked.values() if state in {TargetState.RECOVERING, TargetState.LOST}]
     assert lost
     assert set(lost) == {math.inf}
 
 
 def test_frames_are_never_to_be_shorter_than_half_a_millisecond():
     tiny_steps = ContourConfig(frame_motion=0.001)
-    assert min(limit_s for _, limit_s in limits_s(crossing(800.0), config=tiny_steps)) == 0.0005
+    assert min(limit_s for _, _, limit_s in limits_s(crossing(800.0), config=tiny_steps).values()) == 0.0005
 
 
 def test_targets_on_proposals_ask_for_nothing():
