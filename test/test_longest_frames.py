@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from etd_ros.boxes import Box, iou
+from etd_ros.boxes import iou
 from etd_ros.engine import track
 from etd_ros.events import Events, concatenate
 from etd_ros.longest_frames import FRAMES_LATER, LongestFrames
@@ -132,7 +132,7 @@ def again(restart: Restart, cut: int = 1000) -> list[StreamBatch]:
     return batches(later, cut=cut, restart=restart)
 
 
-LATER = TargetStart("later", Box(*SCENE.box("thing", 0.0)), START_NS + 10**10)
+LATER = TargetStart("later", SCENE.box("thing", 0.0), START_NS + 10**10)
 
 
 @pytest.mark.parametrize("cut", [200, 10**9])

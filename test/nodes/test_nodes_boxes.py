@@ -66,16 +66,17 @@ def test_three_nodes_over_dds_give_the_offline_boxes_of_the_demo_recording(bench
     assert_same_boxes(live_boxes(bench.messages["/tracker/detections"], bench.messages["/tracker/status"]), expected)
 
 
-def pipeline_boxes(bench: Bench, recording: Path, truth: Path, frames: int, *parameters: str) -> Boxes:
-    """What a pipeline says of so many frames of a recording that is replayed."""
+def assert_pipeline_gives(expected: Boxes, bench: Bench, recording: Path, truth: Path, *parameters: str) -> None:
+    """Replay a recording to a pipeline, until it has said as much."""
     bench.listen("/pipeline/detections", Detection2DArray)
     bench.listen("/pipeline/status", DiagnosticArray)
     assignments = [word for parameter in (f"targets_file:={truth}", *parameters) for word in ("-p", parameter)]
     bench.start("pipeline", ros=("-r", f"~/events:={EVENTS}", *assignments))
     replay = bench.start("replay", str(recording))
     bench.wait_until(lambda: replay.poll() is not None, "the replay is over")
-    bench.wait_until(lambda: len(bench.messages["/pipeline/status"]) >= frames, "every frame is tracked")
-    return live_boxes(bench.messages["/pipeline/detections"], bench.messages["/pipeline/status"])
+    stamps = {stamp for _, stamp in expected}
+    bench.wait_until(lambda: len(bench.messages["/pipeline/status"]) >= len(stamps), "every frame is tracked")
+    assert_same_boxes(live_boxes(bench.messages["/pipeline/detections"], bench.messages["/pipeline/status"]), expected)
 
 
 @pytest.mark.parametrize("region", ["sensor", "targets"])
@@ -84,9 +85,8 @@ def test_the_pipeline_gives_the_offline_boxes_of_a_real_recording(bench, data, t
     recording, truth = data / "traffic" / "traffic.mcap", data / "traffic" / "boxes.csv"
     entropy_region = ("--set", f"atsltd.entropy_region={region}")
     expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", method, *entropy_region)
-    frames = len({stamp for _, stamp in expected})
     parameters = (f"method:={method}", f"atsltd.entropy_region:={region}")
-    assert_same_boxes(pipeline_boxes(bench, recording, truth, frames, *parameters), expected)
+    assert_pipeline_gives(expected, bench, recording, truth, *parameters)
 
 
 def test_the_pipeline_gives_the_offline_boxes_of_a_target_that_is_so_fast_that_its_frames_are_shorter(bench, tmp_path):
@@ -96,4 +96,4 @@ def test_the_pipeline_gives_the_offline_boxes_of_a_target_that_is_so_fast_that_i
     expected = offline_boxes(recording, truth, tmp_path / "tracks.csv", "etd-plus")
     no_limit = offline_boxes(recording, truth, tmp_path / "no.csv", "etd-plus", "--set", "contours.frame_motion=100")
     assert len(expected) > len(no_limit)
-    assert_same_boxes(pipeline_boxes(bench, recording, truth, len(expected)), expected)
+    assert_pipeline_gives(expected, bench, recording, truth)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, events_of, frames_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, events_of, frames_of, overlap, pillar, scene_of, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.conversion import AtsltdConfig
@@ -76,12 +76,6 @@ def test_the_box_of_a_long_target_turns_with_it():
 def test_a_target_that_does_not_turn_keeps_the_proportions_of_its_box():
     found = tracked(scene_of(Waypoint(0, 50, 60), Waypoint(1, 190, 120)), Box(32, 44, 36, 30))
     assert all(report.box.w / report.box.h == pytest.approx(1.2, rel=0.05) for _, report, _ in found)
-
-
-def pillar(x):
-    return Sprite(
-        "pillar", np.full((HEIGHT, 60), 0.5), np.ones((HEIGHT, 60)), Path([Waypoint(0, x, HEIGHT / 2)]), is_target=False
-    )
 
 
 def test_a_target_that_passes_behind_a_pillar_is_found_again_with_its_name():

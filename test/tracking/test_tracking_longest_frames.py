@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, scene_of
+from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, pillar, scene_of
 
 from etd_ros.boxes import Box
-from etd_ros.simulation import Path, Sprite, Waypoint
+from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, TrackerConfig
 from etd_ros.tracking.contours import Contours
 
@@ -17,10 +16,10 @@ FRAME_SHARE = 0.05
 TRACKING = TargetState.TRACKING
 
 
-def crossing(speed_px_s: float, size_scale: float = 1.0):
+def crossing(speed_px_s: float):
     """The square goes from left to right, 100 px in the middle of the sensor."""
     last_s = 100 / speed_px_s
-    return scene_of(Waypoint(0.0, 60.0, 90.0, size_scale), Waypoint(last_s, 160.0, 90.0, size_scale), duration_s=last_s)
+    return scene_of(Waypoint(0.0, 60.0, 90.0), Waypoint(last_s, 160.0, 90.0), duration_s=last_s)
 
 
 def limits_s(scene, *, config=None, add=()):
@@ -89,8 +88,7 @@ def test_a_target_asks_for_nothing_while_its_start_measures_its_motion():
 
 
 def test_a_target_asks_for_nothing_while_looks_fail():
-    pillar = Sprite("pillar", np.full((HEIGHT, 60), 0.3), np.ones((HEIGHT, 60)), Path([Waypoint(0.0, 150.0, 90.0)]))
-    scene = scene_of(Waypoint(0.0, 60.0, 90.0), Waypoint(0.5, 210.0, 90.0), duration_s=0.5, cover=(pillar,))
+    scene = scene_of(Waypoint(0.0, 60.0, 90.0), Waypoint(0.5, 210.0, 90.0), duration_s=0.5, cover=(pillar(150),))
     failing = [limit for state, score, limit in limits_s(scene).values() if score < 0.5 and state is TRACKING]
     assert len(failing) > 3
     assert set(failing) == {math.inf}

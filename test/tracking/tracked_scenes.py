@@ -8,7 +8,7 @@ from etd_ros.boxes import iou
 from etd_ros.engine import FrameSource
 from etd_ros.events import concatenate
 from etd_ros.settings import Settings
-from etd_ros.simulation import Path, Scene, Sprite, simulate
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
@@ -24,6 +24,13 @@ def scene_of(*waypoints, duration_s=1.0, cover=()):
     wall = 0.5 + 0.05 * smooth_noise(rng, HEIGHT, WIDTH)
     thing = Sprite("thing", checks(rng, SIZE, SIZE, cell=9), np.ones((SIZE, SIZE)), Path(waypoints))
     return Scene(WIDTH, HEIGHT, duration_s, wall, (thing, *cover))
+
+
+def pillar(x):
+    """What the square passes behind: 60 px wide, from top to bottom."""
+    return Sprite(
+        "pillar", np.full((HEIGHT, 60), 0.5), np.ones((HEIGHT, 60)), Path([Waypoint(0, x, HEIGHT / 2)]), is_target=False
+    )
 
 
 def events_of(scene, *, noise_rate_hz=1000.0):
