@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from typing import Any
 
@@ -20,7 +20,15 @@ from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
 from etd_ros.nodes.compile_notice import compile_notice
-from etd_ros.nodes.connections import FRAME_QOS, Arrivals, Input, reader_callbacks, type_name_of, writer_callbacks
+from etd_ros.nodes.connections import (
+    FRAME_QOS,
+    NEEDED_QOS,
+    Arrivals,
+    Input,
+    reader_callbacks,
+    type_name_of,
+    writer_callbacks,
+)
 from etd_ros.nodes.figures import Latencies, Rates
 from etd_ros.nodes.node_parameters import AT_ONCE, NodeOptions, NodeParameters
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Remarks
@@ -118,7 +126,7 @@ class EtdNode(LifecycleNode):
 
     def losses(self) -> int:
         """How much went wrong so far; where it rises, the node warns."""
-        return self.errors + self.dropped.dropped_messages
+        return self.errors + self.dropped.dropped_messages + sum(needed.arrivals.lost for needed in self._inputs)
 
     def missing(self) -> list[str]:
         """What the node waits for, a sentence each."""
@@ -136,9 +144,10 @@ class EtdNode(LifecycleNode):
         return self.create_publisher(kind, topic, qos, event_callbacks=writer_callbacks(self, resolved, qos))
 
     def reader(
-        self, kind: type, topic: str, callback: Callable[[bytes], None], qos: QoSProfile = FRAME_QOS
+        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile = FRAME_QOS
     ) -> Subscription:
-        """A subscription to a topic's messages as bytes, which says why a publisher's do not arrive."""
+        """A subscription to a topic's messages as bytes, which says why a publisher's do not arrive; a callback of two
+        arguments gets what ROS knows of a message, too."""
         resolved = self.resolve_topic_name(topic)
         return self.create_subscription(
             kind, topic, callback, qos, raw=True, event_callbacks=reader_callbacks(self, resolved, qos)
@@ -147,7 +156,18 @@ class EtdNode(LifecycleNode):
     def needed_reader(self, kind: type, topic: str, provider: str, handle: Callable[[bytes, float], None]) -> Arrivals:
         """A reader whose messages the node waits for; `handle` gets each with when it came (s, monotonic)."""
         arrivals = Arrivals()
-        reader = self.reader(kind, topic, lambda message: handle(message, arrivals.note()))
+        resolved = self.resolve_topic_name(topic)
+
+        def on_message(message: bytes, info: Mapping[str, int]) -> None:
+            lost = arrivals.note_number(info["publication_sequence_number"], lambda: self.count_publishers(resolved))
+            if lost:
+                self.warn(
+                    f"{resolved}: {lost} message(s) were lost ({arrivals.lost} so far), as this process stood still "
+                    "for longer than its publisher keeps them: give it more of the machine"
+                )
+            handle(message, arrivals.note())
+
+        reader = self.reader(kind, topic, on_message, NEEDED_QOS)
         self.add_input(
             Input(
                 reader.topic_name,

@@ -30,6 +30,16 @@ FRAME_QOS = QoSProfile(
 )
 """For frames, images and boxes: few and each of them matters."""
 
+NEEDED_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=500,
+)
+"""For a node that reads frames or images: Python may stand still for half a second, as when a library is loaded, while
+DDS receives. Only what waits takes memory; a publisher that keeps as much would hold it for every viewer that is
+stopped."""
+
 LISTENER_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
@@ -48,17 +58,32 @@ class Arrivals:
 
     Attributes:
         messages: how many.
+        lost: how many their publisher sent between these without that they came.
         last_s: when the last one came (s, monotonic).
     """
 
     messages: int = 0
+    lost: int = 0
     last_s: float = field(default_factory=time.monotonic)
+    _last_number: int | None = None
 
     def note(self) -> float:
         """A message has come; returns when (s, monotonic)."""
         self.messages += 1
         self.last_s = time.monotonic()
         return self.last_s
+
+    def note_number(self, number: int, publishers: Callable[[], int]) -> int:
+        """A message has come that is its publisher's `number`th; returns how many before it are lost.
+
+        A publisher that has started anew counts from 1 again. Where `publishers()` are several, which is asked only of
+        numbers that do not go up by one, nobody can tell.
+        """
+        last, self._last_number = self._last_number, number
+        if last is None or number <= last + 1 or publishers() != 1:
+            return 0
+        self.lost += number - last - 1
+        return number - last - 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from sensor_msgs.msg import Image
 
 from etd_ros.cadence import Cadence
 from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.connections import Arrivals
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.running import run_node
@@ -48,6 +49,7 @@ class Reconstruction(EtdNode):
         self._size = (0, 0)
         self._cadence = Cadence(self.options.image_interval_s)
         self._frame_id = ""
+        self._frames = Arrivals()
         self._early_stamps: deque[int] = deque(maxlen=EARLY_STAMPS_MAX)
         self._received_s = 0.0
         self._stamps = 0
@@ -56,7 +58,9 @@ class Reconstruction(EtdNode):
     def activate(self) -> None:
         """Begin to read."""
         self._input.open()
-        self.needed_reader(Image, "accumulator/frames", "start `ros2 run etd_ros accumulator`", self._on_frame)
+        self._frames = self.needed_reader(
+            Image, "accumulator/frames", "start `ros2 run etd_ros accumulator`", self._on_frame
+        )
 
     def deactivate(self) -> None:
         """Read no more."""
@@ -87,6 +91,7 @@ class Reconstruction(EtdNode):
             **super().diagnostics(),
             **self._input.diagnostics(),
             "stamps": self._stamps,
+            "stamps lost": self._frames.lost,
             "images": self._published,
             "events integrated before their stamp": held.integrated_early if held else 0,
             "image subscribers": self._images.get_subscription_count(),

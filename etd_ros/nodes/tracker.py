@@ -141,7 +141,9 @@ class Tracker(EtdNode):
         return {
             **super().diagnostics(),
             "frames received": self._frames.messages,
+            "frames lost": self._frames.lost,
             "images received": self._images.messages,
+            "images lost": self._images.lost,
             "frames without image": self._pairs.frames_without_image if self._recovers else 0,
             "targets": len(self._targets),
             **self._output.diagnostics(),
