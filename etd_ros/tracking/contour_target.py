@@ -54,6 +54,8 @@ VANISHING_PX_S, VANISHING_SHARE = 20.0, 0.75
 SPEED_OUT_PX_S = 10.0
 SPEED_S = 0.1
 """The usual speed is an average over this time."""
+EVENTS_FEW = 4.0
+"""With so many events a target is not without: of more of its motion there may be enough for a look."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
@@ -212,6 +214,8 @@ class ContourTarget:
         contours.is_changing = False
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
         look = contours.look(self._surface, any_motion=self._settling > 0)
+        if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
+            look = contours.look(self._surface, any_motion=self._settling > 0)
         x, y = contours.predicted(stamp_ns)
         if look.events < EVENTS_MIN:
             self._go_without_events(stamp_ns, elapsed_s)

@@ -49,7 +49,12 @@ WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
 WAIT_MIN_PX, WAIT_MAX_PX = 0.6, 1.5
 """A look waits for so much time or motion of the target's own, whatever ends the frames; its box moves on meanwhile.
 After the longer ones it does not wait for events."""
-SPAN_MIN_S = 0.002
+SPAN_MIN_S, MOTION_SEEN_MIN_PX = 0.002, 0.5
+EVENTS_WANTED, WINDOW_MAX_PX = 30.0, 8.0
+"""A fast target that has fewer events than this in `window_px` of its motion is looked at with those of more, up to
+this."""
+FAST_SIZES_PER_S = 8.0
+"""What moves faster than this does not come to a halt at once."""
 VELOCITY_PX = 2.0
 VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
@@ -148,11 +153,23 @@ class Contours:
         return math.hypot(*self.velocity.tolist())
 
     @property
+    def _window_px(self) -> float:
+        """The events of how much motion are looked at together (pixels)."""
+        if not self._events_per_px or not self.is_fast:
+            return self.config.window_px
+        return max(self.config.window_px, min(WINDOW_MAX_PX, EVENTS_WANTED / self._events_per_px))
+
+    @property
     def sizes_per_s(self) -> float:
         """How fast the target moves in widths and in heights of its box, together (1/s): what a box that stays behind
         loses of its overlap."""
         box, (right, down) = self.box, self.velocity.tolist()
         return abs(right) / box.w + abs(down) / box.h
+
+    @property
+    def is_fast(self) -> bool:
+        """Whether it moves so fast that it does not come to a halt at once."""
+        return self.sizes_per_s > FAST_SIZES_PER_S
 
     @property
     def known(self) -> float:
@@ -249,6 +266,13 @@ class Contours:
         )
         moved = min(max(self.speed_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
         return Look(x, y, score, events, moved, (direction[0], direction[1]))
+
+    def look_longer(self, events: float, stamp_ns: int) -> bool:
+        """A look at a time (ns) had so few events: have the next one take those of more motion; whether it does."""
+        before_px = self._window_px
+        per_px = self._per_px(events, self._span_s(stamp_ns))
+        self._events_per_px = min(per_px, self._events_per_px or math.inf)
+        return self._window_px > before_px
 
     def turn(self, direction: tuple[float, float]) -> None:
         """The target moves in this direction now (x, y of any length)."""
@@ -382,16 +406,19 @@ class Contours:
         return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
 
     def _count_events(self, inside: float, span_s: float) -> None:
-        per_px = inside / max(0.5, min(self.config.window_px, self.speed_px_s * span_s))
+        per_px = self._per_px(inside, span_s)
         known = per_px if self._events_per_px is None else self._events_per_px
         self._events_per_px = known + 0.05 * (per_px - known)
+
+    def _per_px(self, events: float, span_s: float) -> float:
+        return events / max(MOTION_SEEN_MIN_PX, self.speed_px_s * span_s)
 
     def _since_s(self, stamp_ns: int) -> float:
         return (stamp_ns - self.stamp_ns) * 1e-9
 
     def _motion_s(self) -> float:
-        """The time of `window_px` of motion (s), at most `window_max_s`."""
-        return min(self.config.window_px / max(self.speed_px_s, 1e-3), self.config.window_max_s)
+        """The time of a window's motion (s), at most `window_max_s`."""
+        return min(self._window_px / max(self.speed_px_s, 1e-3), self.config.window_max_s)
 
     def _span_s(self, stamp_ns: int) -> float:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)

@@ -8,8 +8,8 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.surface import TimeSurface
 
-FAST_SIZES_PER_S, MOVES_ON_S = 8.0, 0.1
-"""What moves faster than this does not come to a halt at once: its box moves on for so long."""
+MOVES_ON_S = 0.1
+"""The box of what is fast moves on for so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Held:
 
 def moving_on(contours: Contours, stamp_ns: int) -> tuple[Box, float, float] | None:
     """`Held.moving` of a target that has no events from now on, by the motion that its last looks saw, sure or not."""
-    if contours.sizes_per_s <= FAST_SIZES_PER_S:
+    if not contours.is_fast:
         return None
     right_px_s, down_px_s = contours.velocity.tolist()
     return contours.box_at(*contours.predicted(stamp_ns)), right_px_s, down_px_s
