@@ -163,14 +163,14 @@ class EtdNode(LifecycleNode):
             if lost:
                 self.warn(
                     f"{resolved}: {lost} message(s) were lost ({arrivals.lost} so far), as this process stood still "
-                    "for longer than its publisher keeps them: give it more of the machine"
+                    "for longer than DDS keeps them: give it more of the machine"
                 )
             handle(message, arrivals.note())
 
-        reader = self.reader(kind, topic, on_message, NEEDED_QOS)
+        self.reader(kind, topic, on_message, NEEDED_QOS)
         self.add_input(
             Input(
-                reader.topic_name,
+                resolved,
                 frozenset({type_name_of(kind)}),
                 "reliable",
                 provider,

@@ -22,30 +22,25 @@ EVENT_QOS = QoSProfile(
 )
 """As the drivers send: a reliable subscriber would get nothing from them."""
 
-FRAME_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-)
+
+def _reliable(depth: int) -> QoSProfile:
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+    )
+
+
+FRAME_QOS = _reliable(100)
 """For frames, images and boxes: few and each of them matters."""
 
-NEEDED_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=500,
-)
+NEEDED_QOS = _reliable(500)
 """For a node that reads frames or images: Python may stand still for half a second, as when a library is loaded, while
 DDS receives. Only what waits takes memory; a publisher that keeps as much would hold it for every viewer that is
 stopped."""
 
-LISTENER_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
-)
+LISTENER_QOS = _reliable(2000)
 """Deeper than the nodes' own: a recorder on a busy machine falls behind for seconds, and must lose nothing."""
 
 SILENCE_S = 2.0

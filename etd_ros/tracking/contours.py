@@ -49,7 +49,9 @@ WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
 WAIT_MIN_PX, WAIT_MAX_PX = 0.6, 1.5
 """A look waits for so much time or motion of the target's own, whatever ends the frames; its box moves on meanwhile.
 After the longer ones it does not wait for events."""
-SPAN_MIN_S, MOTION_SEEN_MIN_PX = 0.002, 0.5
+SPAN_MIN_S = 0.002
+MOTION_SEEN_MIN_PX = 0.5
+"""Events for each pixel of motion are counted as if there were at least so much of it."""
 EVENTS_WANTED, WINDOW_MAX_PX = 30.0, 8.0
 """A fast target that has fewer events than this in `window_px` of its motion is looked at with those of more, up to
 this."""
@@ -155,9 +157,9 @@ class Contours:
     @property
     def _window_px(self) -> float:
         """The events of how much motion are looked at together (pixels)."""
-        if not self._events_per_px or not self.is_fast:
-            return self.config.window_px
-        return max(self.config.window_px, min(WINDOW_MAX_PX, EVENTS_WANTED / self._events_per_px))
+        usual_px = self.config.window_px
+        wanted_px = min(WINDOW_MAX_PX, EVENTS_WANTED / self._events_per_px) if self._events_per_px else usual_px
+        return wanted_px if wanted_px > usual_px and self.is_fast else usual_px
 
     @property
     def sizes_per_s(self) -> float:
@@ -269,10 +271,9 @@ class Contours:
 
     def look_longer(self, events: float, stamp_ns: int) -> bool:
         """A look at a time (ns) had so few events: have the next one take those of more motion; whether it does."""
-        before_px = self._window_px
-        per_px = self._per_px(events, self._span_s(stamp_ns))
-        self._events_per_px = min(per_px, self._events_per_px or math.inf)
-        return self._window_px > before_px
+        span_s = self._span_s(stamp_ns)
+        self._events_per_px = min(self._per_px(events, span_s), self._events_per_px or math.inf)
+        return self._span_s(stamp_ns) > span_s
 
     def turn(self, direction: tuple[float, float]) -> None:
         """The target moves in this direction now (x, y of any length)."""

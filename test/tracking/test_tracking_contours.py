@@ -6,7 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, events_of, frames_of, overlap, pillar, scene_of, tracked
+from tracked_scenes import (
+    HEIGHT,
+    SIZE,
+    START_NS,
+    WIDTH,
+    events_of,
+    frames_from,
+    frames_of,
+    overlap,
+    pillar,
+    scene_of,
+    tracked,
+)
 
 from etd_ros.boxes import Box
 from etd_ros.conversion import AtsltdConfig
@@ -192,7 +204,7 @@ def with_restless_pixels(events, box, *, pixels, period_us):
 def test_pixels_that_fire_again_and_again_do_not_slow_a_start(monkeypatch):
     scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90), duration_s=0.3)
     events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=100, period_us=6000)
-    frames = list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
+    frames = frames_from(events)
 
     def mean_overlap():
         found = tracked(scene, frames=frames)

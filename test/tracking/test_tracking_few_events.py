@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, overlap, scene_of, tracked
+from tracked_scenes import START_NS, events_of, frames_from, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.engine import FrameSource
-from etd_ros.events import Events
-from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig
 from etd_ros.tracking.contours import WINDOW_MAX_PX, Contours
@@ -22,8 +19,7 @@ def frames_of_few_events(scene, since_s):
     events = events_of(scene)
     left = np.random.default_rng(3).random(len(events)) < KEPT
     kept = left | ((events.t - START_NS) * 1e-9 < since_s)
-    rest = Events(events.t[kept], events.x[kept], events.y[kept], events.p[kept], WIDTH, HEIGHT)
-    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
+    return frames_from(events, kept)
 
 
 def test_a_fast_target_whose_events_become_few_is_seen_and_followed():

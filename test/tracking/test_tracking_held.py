@@ -6,12 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, frames_from, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.engine import FrameSource
-from etd_ros.events import Events
-from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.contours import Contours
@@ -30,8 +27,7 @@ def frames_without_it(scene, since_s, until_s=np.inf):
         if since_s <= t < until_s:
             left, top, w, h = scene.box("thing", t).scaled(1.4)
             kept[k] = not (left <= x < left + w and top <= y < top + h)
-    rest = Events(events.t[kept], events.x[kept], events.y[kept], events.p[kept], WIDTH, HEIGHT)
-    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
+    return frames_from(events, kept)
 
 
 def crossing(speed_px_s, duration_s=0.14):

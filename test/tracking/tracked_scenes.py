@@ -6,7 +6,7 @@ import numpy as np
 
 from etd_ros.boxes import iou
 from etd_ros.engine import FrameSource
-from etd_ros.events import concatenate
+from etd_ros.events import Events, concatenate
 from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.simulation.sensor import SensorConfig
@@ -40,8 +40,13 @@ def events_of(scene, *, noise_rate_hz=1000.0):
 
 
 def frames_of(scene, *, noise_rate_hz=1000.0):
-    events = events_of(scene, noise_rate_hz=noise_rate_hz)
-    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events))
+    return frames_from(events_of(scene, noise_rate_hz=noise_rate_hz))
+
+
+def frames_from(events, kept=slice(None)):
+    """The frames of events, or of those of them that are kept."""
+    rest = Events(events.t[kept], events.x[kept], events.y[kept], events.p[kept], WIDTH, HEIGHT)
+    return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
 
 
 def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None):
