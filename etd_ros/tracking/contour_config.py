@@ -15,7 +15,10 @@ class ContourConfig(Parameters):
         4, "how far from the predicted place a target is looked for (pixels)", low=1, high=64
     )
     window_px: float = parameter(
-        2.0, "the events of so much motion are looked at together (pixels)", low=0.2, high=20.0
+        2.0,
+        "the events of so much motion are looked at together (pixels), of a fast target with few those of more",
+        low=0.2,
+        high=20.0,
     )
     window_max_s: float = parameter(0.1, "longest time of events that are looked at together (s)", low=0.001, high=10.0)
     learning_rate: float = parameter(
