@@ -139,6 +139,18 @@ class ContourTarget:
             self._start_up = StartUp(self._contours)
             self._updated_ns = stamp_ns
         self._check_sight(stamp_ns)
+        if not self._surface.is_flash:
+            self._look(stamp_ns, image)
+        if self._state is not TargetState.TRACKING:
+            held_box = self._held.box_at(stamp_ns) if self._held else None
+            return TargetReport(self.name, self.state, held_box, 0.0)
+        is_sure = self._start_up is None and self._failing_s == 0
+        self._images.remember(stamp_ns, image, self._contours.box, is_sure=is_sure)
+        box = self._contours.box_at(*self._contours.predicted(stamp_ns))
+        return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
+
+    def _look(self, stamp_ns: int, image: FrameData | None) -> None:
+        """Take what the newest frame shows of the target."""
         new_events = self._contours.keep(self._surface)
         if self._state is not TargetState.TRACKING:
             self._look_for_it(stamp_ns, image)
@@ -147,13 +159,6 @@ class ContourTarget:
                 self._start_up = None
         elif self._contours.is_due(stamp_ns):
             self._follow(stamp_ns)
-        if self._state is not TargetState.TRACKING:
-            held_box = self._held.box_at(stamp_ns) if self._held else None
-            return TargetReport(self.name, self.state, held_box, 0.0)
-        is_sure = self._start_up is None and self._failing_s == 0
-        self._images.remember(stamp_ns, image, self._contours.box, is_sure=is_sure)
-        box = self._contours.box_at(*self._contours.predicted(stamp_ns))
-        return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
 
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""

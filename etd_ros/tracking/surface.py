@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float32Array, gather, keep_times
+from etd_ros.tracking.flash import is_flash
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -28,6 +29,7 @@ class TimeSurface:
 
     Attributes:
         start_ns, stamp_ns: start and end of the newest frame (ns).
+        is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
         width, height: sensor size (pixels).
     """
 
@@ -36,6 +38,7 @@ class TimeSurface:
         self.height = height
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
+        self.is_flash = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._data: npt.NDArray[np.uint8] = np.zeros((0, 0, 2), np.uint8)
@@ -53,6 +56,7 @@ class TimeSurface:
             start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
         self.start_ns = start_ns
         self.stamp_ns = stamp_ns
+        self.is_flash = is_flash(data)
         self._data = data
 
     def holds(self, x: float, y: float) -> bool:
