@@ -15,21 +15,17 @@ from collections import defaultdict
 from typing import Any
 
 import numpy as np
-from seeded_scenes import SeededScene, seeds_asked_for
+from seeded_scenes import SeededScene, seeds_asked_for, tracked
 
-from etd_ros.engine import track
 from etd_ros.evaluation.scoring import SUCCESS_IOU, label_overlaps
 from etd_ros.evaluation.suite import START_NS, of_each
-from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, things
 from etd_ros.simulation.backgrounds import BACKGROUNDS
 from etd_ros.simulation.motion import Flicker, FloatArray
 from etd_ros.simulation.things import Thing
 from etd_ros.simulation.truth import visible_shares
-from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import TargetState
 
 STREAM = 123
 """Beside the seed: no other list of scenes has these."""
@@ -41,7 +37,7 @@ BEFORE_S = 0.05
 
 
 class Flash(Flicker):
-    """Light that flashes: up within 2 ms, and down again more slowly."""
+    """Light that flashes: up within 2 ms, and down again more slowly; `rate_hz` is how finely that is rendered."""
 
     def at(self, times_s: FloatArray) -> FloatArray:
         phase_s = times_s % 0.21 - 0.1
@@ -165,14 +161,7 @@ def overlaps_of(extreme: Extreme) -> tuple[str, list[float]]:
         for time_s in times_s[is_labelled].tolist()
     ][STARTS_AT:]
     start = TargetStart("target", truth[0].box, truth[0].stamp_ns)
-    guard = StreamGuard()
-    batches = (batch for events in extreme.events(scene, start_ns=START_NS) for batch in guard.feed(events))
-    found = []
-    for step in track(batches, [start], threads=False):
-        (report,), stamp_ns = step.reports, step.frame.stamp_ns
-        if report.state is not TargetState.IDLE:
-            found.append(TrackRow(stamp_ns, "target", report.box, report.score, report.state.value))
-    return extreme.kind, label_overlaps(found, truth[1:])
+    return extreme.kind, label_overlaps(tracked(extreme, start), truth[1:])
 
 
 def main() -> None:

@@ -8,8 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from etd_ros.engine import track
+from etd_ros.evaluation.suite import START_NS
+from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.events import Events
 from etd_ros.simulation import Scene, SensorConfig, simulate
+from etd_ros.stream import StreamGuard
+from etd_ros.targets import TargetStart
+from etd_ros.tracking import TargetState
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,18 @@ class SeededScene(ABC):
     @abstractmethod
     def make(self) -> tuple[Scene, SensorConfig]:
         """The scene, and the sensor that sees it."""
+
+
+def tracked(seeded: SeededScene, start: TargetStart) -> list[TrackRow]:
+    """What `etd-plus` says of a target of a scene that starts at START_NS, from the target's start on."""
+    guard = StreamGuard()
+    events = seeded.events(seeded.scene(), start_ns=START_NS)
+    rows = []
+    for step in track((batch for part in events for batch in guard.feed(part)), [start], threads=False):
+        (report,) = step.reports
+        if report.state is not TargetState.IDLE:
+            rows.append(TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value))
+    return rows
 
 
 def seeds_asked_for(first: int, last: int) -> range:

@@ -15,19 +15,15 @@ import dataclasses
 import sys
 
 import numpy as np
-from seeded_scenes import SeededScene, seeds_asked_for
+from seeded_scenes import SeededScene, seeds_asked_for, tracked
 
-from etd_ros.engine import track
 from etd_ros.evaluation.scoring import SUCCESS_IOU, label_overlaps
 from etd_ros.evaluation.suite import START_NS, of_each
-from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
 from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, things, true_boxes
 from etd_ros.simulation.backgrounds import BACKGROUNDS
 from etd_ros.simulation.motion import FloatArray
-from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import TargetState
 
 STREAM = 99
 """Beside the seed: no other list of scenes has these."""
@@ -113,14 +109,8 @@ def overlaps_of(thrown: Thrown) -> tuple[list[float], list[float]]:
         for time_s, box in true_boxes(scene, name, times_s, visible_min=0.95)
     ][STARTS_AT:]
     start = TargetStart(name, truth[0].box, truth[0].stamp_ns)
-    guard = StreamGuard()
-    batches = (batch for events in thrown.events(scene, start_ns=START_NS) for batch in guard.feed(events))
-    found, true = [], []
-    for step in track(batches, [start], threads=False):
-        (report,), stamp_ns = step.reports, step.frame.stamp_ns
-        if report.state is not TargetState.IDLE:
-            found.append(TrackRow(stamp_ns, name, report.box, report.score, report.state.value))
-            true.append(dataclasses.replace(found[-1], box=scene.box(name, (stamp_ns - START_NS) / 1e9)))
+    found = tracked(thrown, start)
+    true = [dataclasses.replace(row, box=scene.box(name, (row.stamp_ns - START_NS) / 1e9)) for row in found]
     return label_overlaps(found, truth[1:]), label_overlaps(true, truth[1:])
 
 
