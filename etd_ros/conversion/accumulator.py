@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
-from etd_ros.conversion.cell_map import CellStore, count_in, make_cell_map
+from etd_ros.conversion.cell_map import CellStore, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
 from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
@@ -30,7 +30,7 @@ class FrameAccumulator:
 
     Attributes:
         start_ns: T_{i-1} of the unfinished frame (ns).
-        store, state, data: its events, where it stands, and room for it (uint8, flat); for the kernels.
+        store, state: its events, and where it stands; for the kernels.
     """
 
     def __init__(self, width: int, height: int, cell_size: int = CELL_SIZE, log_base: float = LOG_BASE) -> None:
@@ -45,11 +45,16 @@ class FrameAccumulator:
         self.height = height
         self.store: CellStore = make_cell_map(width, height, cell_size, log_base)
         self.state = np.array([EMPTY_STATE], STATE_DTYPE)
-        self.data = self._empty_data()
+        self._buffers = FrameBuffers(width, height, len(cells_in(self.store).sample))
         self.start_ns = 0
         self._cell_size = cell_size
         self._counted_boxes: tuple[Box, ...] | None = None
         self._previous_ns: int | None = None
+
+    @property
+    def data(self) -> FrameData:
+        """Memory of `FrameBuffers` for the unfinished frame; for the kernels."""
+        return self._buffers.memory
 
     @property
     def events(self) -> int:
@@ -99,9 +104,7 @@ class FrameAccumulator:
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
         """The frame that a kernel has put into `data`; the next one starts at stamp_ns."""
-        data = self.data.reshape(self.height, self.width, 2)
-        frame = Frame(stamp_ns, self.start_ns, data, events, nzge, end)
-        self.data = self._empty_data()
+        frame = Frame(stamp_ns, self.start_ns, self._buffers.hand_out(), events, nzge, end)
         self.start_ns = stamp_ns
         return frame
 
@@ -121,11 +124,8 @@ class FrameAccumulator:
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
         finish(self.store, self.state, 0, self.data)
-        self.data.fill(0)
+        self._buffers.clear()
         self._previous_ns = None
-
-    def _empty_data(self) -> npt.NDArray[np.uint8]:
-        return np.zeros(self.height * self.width * 2, np.uint8)
 
 
 class AccumulatingConverter(ABC):

@@ -78,7 +78,16 @@ SIZES_ITEMS = SIZES_DTYPE.itemsize // 8
 def source_digest() -> str:
     """Changes with what kernels are compiled of beside their own file: named in the type of an argument, it keeps those
     out of the cache's answers that were compiled with other sources."""
-    names = "bits.py", "cell_map.py", "marks.py", "nzge.py", "tiles.py", "vectors.py", "../borrowing_kernel.py"
+    names = (
+        "bits.py",
+        "cell_map.py",
+        "frame_buffers.py",
+        "marks.py",
+        "nzge.py",
+        "tiles.py",
+        "vectors.py",
+        "../borrowing_kernel.py",
+    )
     sources = (Path(__file__).parent / name for name in names)
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]
 
@@ -99,6 +108,7 @@ class CellMap(NamedTuple):
         counts: uint32, (2 C,): pixels with events of a cell's On and Off channel.
         sample, sample_scale: uint64, a bit per tile: those of about one cell in eight that counts, and how many it
             stands for.
+        whole: uint64, a bit per tile: those that have all of their 4 x 4 pixels.
         gains: int64, (m + 1,): what the entropy of a channel gains by the next pixel with an event where c have one, of
             distinct levels, in units of 1 / entropy_one: sums of integers do not depend on how they were added up.
         gains_high, gains_low: uint32, (16,): the same in two parts, high 2^LOW_BITS + low; for cells of one tile.
@@ -121,6 +131,7 @@ class CellMap(NamedTuple):
     counts: npt.NDArray[np.uint32]
     sample: npt.NDArray[np.uint64]
     sample_scale: float
+    whole: npt.NDArray[np.uint64]
     gains: npt.NDArray[np.int64]
     gains_high: npt.NDArray[np.uint32]
     gains_low: npt.NDArray[np.uint32]
@@ -141,7 +152,8 @@ def cells_in(store: CellStore) -> CellMap:
     groups = -(-tiles // GROUP_TILES)
     gains, wide = store[SIZES_ITEMS : SIZES_ITEMS + counts_max], store[SIZES_ITEMS + counts_max :]
     loss, wide = wide[:counts_max].view(np.float64), wide[counts_max:]
-    sample, rest = wide[:groups].view(np.uint64), wide[groups:].view(np.uint32)
+    sample, wide = wide[:groups].view(np.uint64), wide[groups:]
+    whole, rest = wide[:groups].view(np.uint64), wide[groups:].view(np.uint32)
     gains_high, rest = rest[:LANES], rest[LANES:]
     gains_low, rest = rest[:LANES], rest[LANES:]
     row_slot, rest = rest[: sizes["height"]], rest[sizes["height"] :]
@@ -157,7 +169,7 @@ def cells_in(store: CellStore) -> CellMap:
     levels = rest[: TILE_SLOTS // 4].view(np.uint8)
     return CellMap(
         row_slot, column_slot, last, words, tile_byte, slot_byte, sizes["tile_shift"], is_counted,
-        sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], gains, gains_high, gains_low,
+        sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], whole, gains, gains_high, gains_low,
         sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, seen, levels,
     )  # fmt: skip
 
@@ -198,7 +210,7 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     gains, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
     words = _word_count(height, width, rows * columns, len(tile))
     groups = -(-len(tile) // GROUP_TILES)
-    store = np.zeros(SIZES_ITEMS + len(gains) + len(loss) + groups + -(-words // 2), np.int64)
+    store = np.zeros(SIZES_ITEMS + len(gains) + len(loss) + 2 * groups + -(-words // 2), np.int64)
     sizes = _sizes_of(store)
     sizes["height"], sizes["width"], sizes["cells"] = height, width, rows * columns
     sizes["cell_pixels"], sizes["tile_shift"] = cell_size * cell_size, 2 * (side.bit_length() - 1)
@@ -212,6 +224,7 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     cells.row_slot[:] = tile_row * TILE_SLOTS + y % cell_size % TILE_SIDE * TILE_SIDE
     cells.column_slot[:] = tile_column * TILE_SLOTS + x % cell_size % TILE_SIDE
     cells.tile_byte[:] = (top * width + left) * 2 + PARTIAL * is_partial
+    cells.whole[:] = _bits_of_tiles(~is_partial)
     cells.slot_byte[:] = (row * width + column) * 2 + channel
     count_in(store, None, cell_size)
     return store
@@ -230,14 +243,19 @@ def _entropy_tables(cell_size: int, log_base: float, cells: int) -> tuple[npt.ND
     return np.append(gains, 0), np.append(np.diff(c_log_c), 0.0), entropy_one
 
 
+def _bits_of_tiles(are_set: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint64]:
+    """A bit per tile, lowest first, 64 to a word."""
+    bits = np.packbits(np.pad(are_set, (0, -len(are_set) % GROUP_TILES)), bitorder="little")
+    return bits.view("<u8").astype(np.uint64)
+
+
 def _sample(is_counted: npt.NDArray[np.bool_], tile_shift: int) -> tuple[npt.NDArray[np.uint64], float]:
     """`CellMap.sample` and `sample_scale`; strewn by a hash of the cells' numbers, so that no pattern fits it."""
     cells = np.arange(len(is_counted), dtype=np.uint64)
     is_drawn = (cells * np.uint64(2654435761) & np.uint64(0xFFFFFFFF)) < np.uint64(2**32 // SAMPLE_STEP)
     in_sample = is_counted & is_drawn
     tiles = np.repeat(in_sample, 1 << tile_shift)
-    bits = np.packbits(np.pad(tiles, (0, -len(tiles) % GROUP_TILES)), bitorder="little")
-    return bits.view("<u8").astype(np.uint64), int(is_counted.sum()) / max(1, int(in_sample.sum()))
+    return _bits_of_tiles(tiles), int(is_counted.sum()) / max(1, int(in_sample.sum()))
 
 
 def count_in(store: CellStore, boxes: Iterable[Box] | None, cell_size: int) -> None:

@@ -38,7 +38,8 @@ class Frame:
     Attributes:
         stamp_ns: T_i, the time of its end (ns).
         start_ns: T_{i-1}, the time of its start (ns).
-        data: uint8, shape (height, width, 2), channel 0 On and 1 Off; 0 no event, 255 an event at T_i.
+        data: uint8, shape (height, width, 2), channel 0 On and 1 Off; 0 no event, 255 an event at T_i. Read-only where
+            a converter made it: its memory is used again once nobody holds it.
         events: number of events in it.
         nzge: its exact Non-Zero Grid Entropy.
         end: why it was finished.

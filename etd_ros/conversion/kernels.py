@@ -17,13 +17,15 @@ from etd_ros.conversion.cell_map import (
     GROUP_TILES,
     LANES,
     PARTIAL,
+    TILE_SIDE,
     CellMap,
     CellStore,
     borrowed_cells,
     source_digest,
 )
+from etd_ros.conversion.frame_buffers import written_from
 from etd_ros.conversion.marks import mark_events
-from etd_ros.conversion.tiles import tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.tiles import clear_row, tile_levels, tiles_with_events, write_tile
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -237,7 +239,7 @@ def finish(
 
 @kernel_part
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
-    """Write the grey levels of the pixels with events into the frame's data, flat, and return its exact NZGE."""
+    """Write the grey levels of the pixels with events into the frame's data, and return its exact NZGE."""
     lost, without_entropy = _read_levels(cells, duration_ns, False, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
@@ -275,6 +277,8 @@ def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.ND
     row_bytes = _U64(2 * len(cells.column_slot))
     pairs_max = FEW_TWINS if cells.tile_shift == 0 else -1
     cells.seen[:] = 0
+    if not of_sample:
+        _clear_old_tiles(cells, data, row_bytes)
     pairs, lost, without_entropy = np.int64(0), 0.0, 0
     for k in range(_U64(len(cells.sample))):
         first = k * _U64(GROUP_TILES)
@@ -298,6 +302,29 @@ def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.ND
                 lost += loss
                 without_entropy += without
     return lost + pairs * cells.loss[1], without_entropy
+
+
+@kernel_part
+def _clear_old_tiles(cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64) -> None:
+    """Clear the tiles that an earlier frame has written into data and this one will not, or not all of; note those that
+    it will.
+
+    Of a tile that does not have all of its 4 x 4 pixels, others may be cleared with it: all before any is written.
+    """
+    level_bytes = row_bytes * _U64(len(cells.row_slot))
+    written = data[written_from(int(level_bytes)) :].view(np.uint64)
+    for k in range(_U64(len(written))):
+        first = k * _U64(GROUP_TILES)
+        group = tiles_with_events(cells.words, first)
+        old = _U64(written[k] & _U64(~_U64(group & cells.whole[k])))
+        written[k] = group
+        while old:
+            byte = _U64(cells.tile_byte[first | lowest_bit(old)]) & _U64(PARTIAL - 1)
+            old = _U64(old & _U64(old - _U64(1)))
+            for _ in range(TILE_SIDE):
+                if byte < level_bytes:
+                    clear_row(data, byte)
+                byte += row_bytes
 
 
 @kernel_part

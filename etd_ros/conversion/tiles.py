@@ -19,6 +19,7 @@ TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.u
 TileLevels: TypeAlias = (
     "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8]], np.uint32]"
 )
+ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
 
 FIXED_ONE = 2**16
@@ -142,6 +143,16 @@ def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any)
     return types.void(levels, data, types.uint64, types.uint64), generate
 
 
+def _clear_row(_typing: Any, data: Any, byte: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data_ = items(context, builder, signature.args[0], arguments[0])
+        builder.store(_ZERO, vector_at(builder, data_, arguments[1], LONG), align=1)
+        return context.get_dummy_value()
+
+    del byte
+    return types.void(data, types.uint64), generate
+
+
 tiles_with_events = cast("TilesWithEvents", intrinsic(_tiles_with_events))
 """tiles_with_events(words, first): a bit for each of the 64 words from the first on that is not 0, lowest first."""
 
@@ -155,3 +166,6 @@ The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 
 write_tile = cast("WriteTile", intrinsic(_write_tile))
 """write_tile(levels, data, byte, row_bytes): put a tile's levels into a frame's data, flat: four rows of 8 bytes, which
 have On and Off of a pixel beside each other."""
+
+clear_row = cast("ClearRow", intrinsic(_clear_row))
+"""clear_row(data, byte): clear 8 bytes of a frame's data, flat: a row of a tile."""

@@ -1,0 +1,95 @@
+"""Where frames' grey levels lie: a few arrays that are used again once nobody holds the frame any more.
+
+A frame of zeros costs more to make than a tenth of what its events cost to add. A buffer instead keeps, behind the
+levels, a bit per tile that the last frame has written, so that the next one clears only what it does not write itself:
+
+    | levels, flat: row, column, channel | up to whole words, and one more | a bit per tile, 64 to a word |
+
+The frames are read-only, as what a reader wrote there would be seen in a later one.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.borrowing_kernel import kernel_part
+
+BUFFERS_MAX = 4
+"""Frames of one sensor that are waited for: where readers hold more at once, others are made and left to them."""
+
+WORD_BYTES = 8
+SPARE_WORDS = 2
+"""For the levels' last bytes that make no word, and what a tile at the sensor's border clears beyond them."""
+
+FrameData: TypeAlias = npt.NDArray[np.uint8]
+
+
+@kernel_part
+def written_from(level_bytes: int) -> int:
+    """Where the bits of the written tiles begin in a buffer of so many levels (bytes)."""
+    return (level_bytes // WORD_BYTES + SPARE_WORDS) * WORD_BYTES
+
+
+@dataclass(slots=True)
+class _Buffer:
+    """An array, and the frame's data that lie in it."""
+
+    memory: FrameData
+    data: FrameData
+
+    @property
+    def is_free(self) -> bool:
+        """Whether no frame, nor a part of one, is held by anybody. What refers to the memory otherwise: this buffer,
+        its data, and the call; to the data: this buffer and the call."""
+        return sys.getrefcount(self.data) == 2 and sys.getrefcount(self.memory) == 3
+
+
+class FrameBuffers:
+    """The buffers of one sensor's frames, by turns."""
+
+    def __init__(self, width: int, height: int, groups: int) -> None:
+        """Prepare for frames of width x height pixels whose tiles make so many groups of 64."""
+        self._shape = height, width, 2
+        self._groups = groups
+        self._buffers = [self._make()]
+        self._turn = 0
+        self._is_handed_out = False
+
+    @property
+    def memory(self) -> FrameData:
+        """The array that the unfinished frame is written to, uint8, flat; for the kernels.
+
+        Another one is looked for only now, as a reader that takes one frame after the other still holds the last one
+        when it is handed the next: so two are enough for it, and stay in the processor's near memory.
+        """
+        if self._is_handed_out:
+            self._is_handed_out = False
+            buffers = self._buffers
+            self._turn = (self._turn + 1) % len(buffers)
+            if not buffers[self._turn].is_free:
+                have_all = len(buffers) == BUFFERS_MAX
+                buffers[self._turn : self._turn + have_all] = [self._make()]
+        return self._buffers[self._turn].memory
+
+    def hand_out(self) -> FrameData:
+        """The data of the frame that has been written, read-only, shape (height, width, 2)."""
+        self._is_handed_out = True
+        return self._buffers[self._turn].data
+
+    def clear(self) -> None:
+        """Forget what the unfinished frame holds."""
+        self.memory.fill(0)
+
+    def _make(self) -> _Buffer:
+        level_bytes = math.prod(self._shape)
+        words = level_bytes // WORD_BYTES + SPARE_WORDS + self._groups
+        memory = np.zeros(words * WORD_BYTES, np.uint8)
+        data = memory[:level_bytes].reshape(self._shape)
+        data.flags.writeable = False
+        return _Buffer(memory, data)
