@@ -29,3 +29,8 @@ def kernel_part(function: Callable[Arguments, Result]) -> Callable[Arguments, Re
     as the cache would know only changes of its own file. It may return arrays, in a tuple.
     """
     return cast("Callable[Arguments, Result]", cast("Any", njit)(_nrt=False, nogil=True, forceinline=True)(function))
+
+
+def borrowing_part(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same for a function that is long, and stays one of its own unless the compiler sees a gain."""
+    return cast("Callable[Arguments, Result]", cast("Any", njit)(_nrt=False, nogil=True)(function))

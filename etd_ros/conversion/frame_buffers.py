@@ -5,14 +5,14 @@ levels, a bit per tile that the last frame has written, so that the next one cle
 
     | levels, flat: row, column, channel | up to whole words, and one more | a bit per tile, 64 to a word |
 
-The frames are read-only, as what a reader wrote there would be seen in a later one.
+They are lent as decoders lend theirs (`etd_ros.buffers`). The frames are read-only, as what a reader wrote there would
+be seen in a later one.
 """
 
 from __future__ import annotations
 
 import math
-import sys
-from dataclasses import dataclass
+from sys import getrefcount
 from typing import TypeAlias
 
 import numpy as np
@@ -36,18 +36,23 @@ def written_from(level_bytes: int) -> int:
     return (level_bytes // WORD_BYTES + SPARE_WORDS) * WORD_BYTES
 
 
-@dataclass(slots=True)
 class _Buffer:
     """An array, and the frame's data that lie in it."""
 
-    memory: FrameData
-    data: FrameData
+    __slots__ = ("_references_when_free", "data", "memory")
+
+    def __init__(self, shape: tuple[int, int, int], groups: int) -> None:
+        level_bytes = math.prod(shape)
+        self.memory = np.zeros((level_bytes // WORD_BYTES + SPARE_WORDS + groups) * WORD_BYTES, np.uint8)
+        self.data = self.memory[:level_bytes].reshape(shape)
+        self.data.flags.writeable = False
+        # Measured, because interpreters differ in what they count.
+        self._references_when_free = getrefcount(self.data), getrefcount(self.memory)
 
     @property
     def is_free(self) -> bool:
-        """Whether no frame, nor a part of one, is held by anybody. What refers to the memory otherwise: this buffer,
-        its data, and the call; to the data: this buffer and the call."""
-        return sys.getrefcount(self.data) == 2 and sys.getrefcount(self.memory) == 3
+        """Whether nobody holds the data, nor a part of them, which refers to the memory."""
+        return (getrefcount(self.data), getrefcount(self.memory)) == self._references_when_free
 
 
 class FrameBuffers:
@@ -57,7 +62,7 @@ class FrameBuffers:
         """Prepare for frames of width x height pixels whose tiles make so many groups of 64."""
         self._shape = height, width, 2
         self._groups = groups
-        self._buffers = [self._make()]
+        self._buffers = [_Buffer(self._shape, self._groups)]
         self._turn = 0
         self._is_handed_out = False
 
@@ -74,7 +79,7 @@ class FrameBuffers:
             self._turn = (self._turn + 1) % len(buffers)
             if not buffers[self._turn].is_free:
                 have_all = len(buffers) == BUFFERS_MAX
-                buffers[self._turn : self._turn + have_all] = [self._make()]
+                buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
         return self._buffers[self._turn].memory
 
     def hand_out(self) -> FrameData:
@@ -85,11 +90,3 @@ class FrameBuffers:
     def clear(self) -> None:
         """Forget what the unfinished frame holds."""
         self.memory.fill(0)
-
-    def _make(self) -> _Buffer:
-        level_bytes = math.prod(self._shape)
-        words = level_bytes // WORD_BYTES + SPARE_WORDS + self._groups
-        memory = np.zeros(words * WORD_BYTES, np.uint8)
-        data = memory[:level_bytes].reshape(self._shape)
-        data.flags.writeable = False
-        return _Buffer(memory, data)

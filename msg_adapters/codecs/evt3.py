@@ -28,8 +28,8 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel, borrowing_part
 from etd_ros.buffers import Arrays
 from msg_adapters.codecs.words import (
     WORD_16,
@@ -90,22 +90,29 @@ class Evt3Decoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_16)
-        if self._is_time_known:
-            return self._decode(words, width, height)
-        known_from = int(_find_time(words, self._state))
-        self._is_time_known = bool(self._state[_SYNC] == _TIME_KNOWN)
-        early = self._decode(words[:known_from], width, height)
-        decoded = self._decode(words[known_from:], width, height)
-        return decoded._replace(skipped_words=early.skipped_words + decoded.skipped_words)
+        skipped_before = 0
+        if not self._is_time_known:
+            known_from = int(_find_time(words, self._state))
+            _, _, _, _, skipped_before = self._columns(words[:known_from], width, height)
+            words = words[known_from:]
+            self._is_time_known = bool(self._state[_SYNC] == _TIME_KNOWN)
+        columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
+        return DecodedWords(
+            events_on_sensor(columns, count, off_sensor, width, height),
+            _last_as_triggers(columns, trigger_count) if trigger_count else Triggers.empty(),
+            skipped + skipped_before,
+            off_sensor,
+        )
 
-    def _decode(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
+    def _columns(self, words: npt.NDArray[np.void], width: int, height: int) -> tuple[Arrays, int, int, int, int]:
+        """Arrays with what the words hold: how many events are off the sensor, how many there are, triggers, and words
+        skipped."""
         columns = self._events.reserve_for_words(len(words))
         needed, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
-        if needed > len(columns[0]):
+        if needed:
             columns = self._events.reserve_more(needed, len(words))
             _, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
-        edges = _last_as_triggers(columns, trigger_count) if trigger_count else Triggers.empty()
-        return DecodedWords(events_on_sensor(columns, count, off_sensor, width, height), edges, skipped, off_sensor)
+        return columns, off_sensor, count, trigger_count, skipped
 
     def reset(self) -> None:
         """Forget time, row and base column."""
@@ -120,7 +127,7 @@ def _last_as_triggers(columns: Arrays, count: int) -> Triggers:
     return Triggers(t[backwards].copy(), identifier[backwards].copy(), edge[backwards].copy())
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _find_time(words, state):  # type: ignore[no-untyped-def]
     """Index of the first word after the time is known; the number of words if it never is."""
     for i in range(len(words)):
@@ -133,9 +140,10 @@ def _find_time(words, state):  # type: ignore[no-untyped-def]
     return len(words)
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, state, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
-    """Items that the arrays must have, then the numbers of what was decoded: nothing if the arrays are too short.
+    """Items that the arrays must have where they are too short, and then nothing is decoded; else 0, and the numbers of
+    what was decoded: events off the sensor, all events, triggers, words skipped.
 
     One kernel does all, since many messages are so small that a call costs as much as their words.
     """
@@ -143,10 +151,10 @@ def _decode(words, state, width, height, t, x, y, p):  # type: ignore[no-untyped
     if needed > len(t):
         return needed, 0, 0, 0, 0
     count, trigger_count, skipped = _decode_words(words, state, t, x, y, p)
-    return needed, _count_off_sensor(x, y, count, width, height), count, trigger_count, skipped
+    return 0, _count_off_sensor(x, y, count, width, height), count, trigger_count, skipped
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _capacity(words):  # type: ignore[no-untyped-def]
     """Items that `_decode_words` may write: events, one more that is not counted, and triggers."""
     items = 1
@@ -156,7 +164,7 @@ def _capacity(words):  # type: ignore[no-untyped-def]
     return items
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
     column_end, row_end = np.uint16(width), np.uint16(height)
     off_sensor = 0
@@ -167,7 +175,7 @@ def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-de
 
 # Indices are unsigned: for signed ones, compiled code would ask of each access whether it counts from the end.
 # Triggers are written from the arrays' end on: time to t, input to x, edge to p.
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _decode_words(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
     count, trigger_count, skipped = np.uint64(0), 0, 0
     loop, high, row = state[_LOOP], state[_HIGH], state[_ROW]

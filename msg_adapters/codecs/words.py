@@ -141,10 +141,11 @@ class EventPool(ArrayPool):
         Many words are not presumed to have more than one event each: then the memory would count, and a kernel that
         is called again with longer arrays does not.
         """
-        capacity = word_count * self._events_per_word
-        if capacity > LENGTH_SHORT:
-            capacity = word_count
-        return self.reserve(capacity + 1)
+        capacity = word_count * self._events_per_word + 1
+        if capacity <= LENGTH_SHORT:
+            # The usual case, without asking once more.
+            return ArrayPool.reserve(self, capacity)
+        return self.reserve(word_count + 1)
 
     def reserve_more(self, capacity: int, word_count: int) -> Arrays:
         """Arrays of at least `capacity` items, in place of some that were too short for these words."""
