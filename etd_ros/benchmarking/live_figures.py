@@ -224,18 +224,20 @@ def _growth_mib(outcome: Outcome) -> float:
 
 
 def _start_and_exit(bench: LiveBench, generator: LoadGenerator, scene: LiveScene, effort: LiveEffort) -> Iterator[Row]:
-    """From the start of the process to the first box, and from SIGINT to its end, while events come. A process that is
-    not measured stays."""
+    """From the start of the process to where it takes targets and to the first box, and from SIGINT to its end, while
+    events come. A process that is not measured stays."""
     generator.prepare(LATENCY_RATE, MESSAGES_PER_S)
     start_ns = rounded_start_ns(time.time_ns())
     generator.play(Play(start_ns, 60.0 * effort.starts))
     bench.read(BOXES)
+    ready_s: list[float] = []
     times_s: list[float] = []
     exits_s: list[float] = []
     for _ in range(effort.starts):
         bench.start_pipeline()
         bench.wait_until(lambda: bench.listens, "the node to take targets")
         now_ns = time.time_ns()
+        ready_s.append((now_ns - bench.process.started_ns) / NS_PER_S)
         bench.start_target(scene.box((now_ns - start_ns) / NS_PER_US), now_ns)
         times_s.append((bench.first_box_ns() - bench.process.started_ns) / NS_PER_S)
         told_s = time.monotonic()
@@ -246,6 +248,7 @@ def _start_and_exit(bench: LiveBench, generator: LoadGenerator, scene: LiveScene
     generator.played()
     bench.start_pipeline()
     told = _told(LATENCY_RATE, MESSAGES_PER_S)
+    yield _figure("start_to_ready", DAVIS, float(np.median(ready_s)), "s", told, _spread(ready_s))
     yield _figure("start_to_box", DAVIS, float(np.median(times_s)), "s", told, _spread(times_s))
     yield _figure("exit", DAVIS, max(exits_s), "s", told, None)
 

@@ -26,6 +26,7 @@ OVERLOAD = {
 UNITS = {
     **dict.fromkeys(PERCENTILES, "ms"),
     "latency_iou": "IoU",
+    "start_to_ready": "s",
     "start_to_box": "s",
     "exit": "s",
     "idle_cpu": "% of a core",
