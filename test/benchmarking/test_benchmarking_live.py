@@ -113,6 +113,11 @@ def test_the_figures_are_written_beside_those_of_other_groups(rows, folder):
     assert sorted(path.name for path in folder.iterdir()) == ["README.md", "live.json"]
 
 
+def test_a_node_takes_targets_before_it_has_a_box(rows):
+    seconds = {row["what"]: row["value"] for row in rows}
+    assert 0 < seconds["start_to_ready"] < seconds["start_to_box"]
+
+
 def test_figures_are_possible_ones(rows):
     for row in rows:
         assert row["unit"] == UNITS[row["what"]]
