@@ -9,7 +9,7 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch
-from etd_ros.conversion.cell_map import CellStore, cells_in, count_in, make_cell_map
+from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
 from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, finish
@@ -48,7 +48,7 @@ class FrameAccumulator:
         self._buffers = FrameBuffers(width, height, len(cells_in(self.store).sample))
         self.start_ns = 0
         self._cell_size = cell_size
-        self._counted_boxes: tuple[Box, ...] | None = None
+        self._counted_cells = cell_rectangles(None, width, height, cell_size)
         self._previous_ns: int | None = None
 
     @property
@@ -76,10 +76,10 @@ class FrameAccumulator:
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
-        wanted = None if boxes is None else tuple(boxes)
-        if wanted != self._counted_boxes:
+        wanted = cell_rectangles(boxes, self.width, self.height, self._cell_size)
+        if wanted != self._counted_cells:
             count_in(self.store, wanted, self._cell_size)
-            self._counted_boxes = wanted
+            self._counted_cells = wanted
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""

@@ -41,13 +41,20 @@ class _Buffer:
 
     __slots__ = ("_references_when_free", "data", "memory")
 
-    def __init__(self, shape: tuple[int, int, int], groups: int) -> None:
+    def __init__(self, shape: tuple[int, int, int], groups: int, content: FrameData | None = None) -> None:
         level_bytes = math.prod(shape)
         self.memory = np.zeros((level_bytes // WORD_BYTES + SPARE_WORDS + groups) * WORD_BYTES, np.uint8)
+        if content is not None:
+            self.memory[:] = content
         self.data = self.memory[:level_bytes].reshape(shape)
         self.data.flags.writeable = False
         # Measured, because interpreters differ in what they count.
         self._references_when_free = getrefcount(self.data), getrefcount(self.memory)
+
+    def __reduce__(self) -> tuple[type[_Buffer], tuple[tuple[int, ...], int, FrameData]]:
+        """For copies of a converter: as copied each for itself, the data would no longer lie in the memory."""
+        groups = len(self.memory) // WORD_BYTES - SPARE_WORDS - self.data.size // WORD_BYTES
+        return _Buffer, (self.data.shape, groups, self.memory)
 
     @property
     def is_free(self) -> bool:

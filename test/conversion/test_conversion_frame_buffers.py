@@ -1,6 +1,9 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
-from conversion_oracles import closed_form, make_events, nzge, random_events
+from conversion_oracles import assert_same_frames, closed_form, make_events, nzge, random_events
 
 from etd_ros.conversion import FixedCountConfig, FixedCountConverter, FrameEnd
 from etd_ros.conversion.accumulator import FrameAccumulator
@@ -55,3 +58,14 @@ def test_a_frame_is_not_to_be_written_to():
     frame = next(frames(1))
     with pytest.raises(ValueError, match="read-only"):
         frame.data[0, 0, 0] = 1
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda converter: pickle.loads(pickle.dumps(converter))])
+def test_a_copy_of_a_converter_goes_on_where_it_was(copied):
+    events = random_events(1, 1000, 41, 31, 10 * MS)
+    converter = FixedCountConverter(41, 31, FixedCountConfig(count=100))
+    assert len(list(converter.convert(events[:350]))) == 3
+    other = copied(converter)
+    ours, others = (list(each.convert(events[350:])) for each in (converter, other))
+    assert len(ours) == 7
+    assert_same_frames(others, ours)

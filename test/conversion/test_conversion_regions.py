@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from etd_ros.boxes import Box
 from etd_ros.conversion import AtsltdConfig, AtsltdConverter, FrameEnd, nzge
-from etd_ros.conversion.cell_map import cells_in, count_in, make_cell_map
+from etd_ros.conversion.cell_map import cell_rectangles, cells_in, count_in, make_cell_map
 
 MS = 1_000_000
 CONFIG = AtsltdConfig(entropy_region="targets", check_stride=10, max_duration_s=0.01)
@@ -30,15 +30,15 @@ CONFIG = AtsltdConfig(entropy_region="targets", check_stride=10, max_duration_s=
 )
 def test_cells_count_that_have_a_pixel_in_the_box(box, cells):
     store = make_cell_map(346, 260, 4, 256.0)
-    count_in(store, [box], 4)
+    count_in(store, cell_rectangles([box], 346, 260, 4), 4)
     assert cells_in(store).is_counted.sum() == cells
 
 
 def test_no_boxes_count_nowhere_and_none_everywhere():
     store = make_cell_map(20, 12, 4, 256.0)
-    count_in(store, [], 4)
+    count_in(store, cell_rectangles([], 20, 12, 4), 4)
     assert not cells_in(store).is_counted.any()
-    count_in(store, None, 4)
+    count_in(store, cell_rectangles(None, 20, 12, 4), 4)
     assert cells_in(store).is_counted.all()
 
 
