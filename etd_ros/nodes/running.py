@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-import cv2
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -25,10 +24,6 @@ from etd_ros.nodes.ros_errors import ros_refusals
 
 THREAD_SWITCH_S = 0.0005
 """How long a thread may hold the others up (s): Python's 5 ms would be most of a box's latency."""
-
-OPENCV_THREADS = 1
-"""OpenCV's others wait for work in loops that take as much of a core as the work itself, which the node's own threads
-need."""
 
 FAILING_MAX_S = 5.0
 """A node in which nothing has succeeded for so long (s) is broken itself."""
@@ -55,7 +50,6 @@ def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) ->
     """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
     node = executor = None
     sys.setswitchinterval(THREAD_SWITCH_S)
-    cv2.setNumThreads(OPENCV_THREADS)
     try:
         with _beginning() as beginning:
             refuse_stray_words(arguments)
