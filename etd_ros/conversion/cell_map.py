@@ -48,8 +48,11 @@ LOW_BITS = 20
 PARTIAL = 2**31
 """More bytes than a frame has."""
 
-SAMPLE_STEP, HASH_FACTOR = 8, 2654435761
+SAMPLE_STEP = 8
 """One cell in so many is in the sample."""
+
+HASH_FACTOR = 2654435761
+"""Of the cells' numbers, in 32 bits: strews the sample (Knuth's multiplicative hash)."""
 
 
 CellStore: TypeAlias = "npt.NDArray[np.int64]"

@@ -93,7 +93,7 @@ class Evt3Decoder:
         skipped_before = 0
         if not self._is_time_known:
             known_from = int(_find_time(words, self._state))
-            _, _, _, _, skipped_before = self._columns(words[:known_from], width, height)
+            *_, skipped_before = self._columns(words[:known_from], width, height)
             words = words[known_from:]
             self._is_time_known = bool(self._state[_SYNC] == _TIME_KNOWN)
         columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)

@@ -3,9 +3,9 @@ import pickle
 
 import numpy as np
 import pytest
-from conversion_oracles import assert_same_frames, closed_form, make_events, nzge, random_events
+from conversion_oracles import assert_same_frames, closed_form, make_events, random_events
 
-from etd_ros.conversion import FixedCountConfig, FixedCountConverter, FrameEnd
+from etd_ros.conversion import FixedCountConfig, FixedCountConverter, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
 from etd_ros.conversion.frame_buffers import BUFFERS_MAX
 
