@@ -121,10 +121,10 @@ class Evt3Decoder:
 
 
 def _last_as_triggers(columns: Arrays, count: int) -> Triggers:
-    """The `count` triggers that `_decode` wrote from the arrays' end on, copied."""
+    """The `count` triggers that `_decode` wrote from the arrays' end on, as views."""
     t, identifier, _, edge = columns
     backwards = slice(None, -count - 1, -1)
-    return Triggers(t[backwards].copy(), identifier[backwards].copy(), edge[backwards].copy())
+    return Triggers(t[backwards], identifier[backwards], edge[backwards])
 
 
 @borrowing_kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, cast
 
@@ -31,7 +32,7 @@ MESSAGE_EVENTS_MAX = 1 << 25
 
 @dataclass(frozen=True, slots=True)
 class Triggers:
-    """Edges seen at the camera's trigger inputs.
+    """Edges seen at the camera's trigger inputs; they may share the memory of the message's events.
 
     Attributes:
         t: time (ns) on the clock of the message's events, int64, shape (n,).
@@ -43,6 +44,12 @@ class Triggers:
     id: npt.NDArray[np.uint16]
     edge: npt.NDArray[np.uint8]
 
+    def __init__(self, t: npt.NDArray[np.int64], id: npt.NDArray[np.uint16], edge: npt.NDArray[np.uint8]) -> None:  # noqa: A002
+        # What the generated method does, in half its time, as in `Events`.
+        _set_t(self, t)
+        _set_id(self, id)
+        _set_edge(self, edge)
+
     @classmethod
     def empty(cls) -> Triggers:
         """No trigger; the arrays are shared."""
@@ -50,6 +57,9 @@ class Triggers:
 
     def __len__(self) -> int:
         return len(self.t)
+
+
+_set_t, _set_id, _set_edge = (getattr(Triggers, field.name).__set__ for field in dataclasses.fields(Triggers))
 
 
 class DecodedWords(NamedTuple):
