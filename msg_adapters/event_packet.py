@@ -72,6 +72,7 @@ class EventPacketDecoder:
         self._layout = layout
         self._known: _Known | None = None
         self._codec: WordDecoder = MonoDecoder()
+        self._codec_of: tuple[str, int, int] | None = None
 
     def decode(self, message: MessageBytes) -> EventMessage:
         """See `EventMessageDecoder.decode`.
@@ -110,7 +111,9 @@ class EventPacketDecoder:
 
     def reset(self) -> None:
         """See `EventMessageDecoder.reset`."""
+        # The codec is kept for its arrays: the new stream is likely of the same camera.
         self._known = None
+        self._codec.reset()
 
     def _read_first(self, view: memoryview) -> _Known:
         """Read and check field by field a message that differs from the last one in what they have in common."""
@@ -118,9 +121,9 @@ class EventPacketDecoder:
         width, height = checked_size(packet.width, packet.height)
         if packet.time_base_ns > _TIME_BASE_MAX_NS:
             raise _late_time_base(packet.time_base_ns)
-        last = self._known
-        if last is None or (last.encoding, last.width, last.height) != (packet.encoding, width, height):
-            self._codec = _codec(packet.encoding)
+        codec_of = packet.encoding, width, height
+        if self._codec_of != codec_of:
+            self._codec, self._codec_of = _codec(packet.encoding), codec_of
         common = _common_fields(view, self._layout)
         self._known = _Known(common, packet.header.frame_id, packet.encoding, width, height)
         return self._known
