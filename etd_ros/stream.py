@@ -9,8 +9,8 @@ from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.events import Events
 from etd_ros.parameters import Parameters, parameter
 
@@ -161,7 +161,7 @@ class StreamGuard:
         return dataclasses.replace(events, t=t)[:length]
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _ordered_length(t: npt.NDArray[np.int64], latest_ns: int) -> int:
     """Number of leading times that do not decrease, from `latest_ns` on."""
     for i in range(len(t)):
@@ -171,7 +171,7 @@ def _ordered_length(t: npt.NDArray[np.int64], latest_ns: int) -> int:
     return len(t)
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _clamp(t: npt.NDArray[np.int64], latest_ns: int, step_back_max_ns: int) -> tuple[int, int]:
     """Raise times to the latest before them, in place, up to the first step back that is too long.
 

@@ -19,8 +19,8 @@ import struct
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.events import Events
 from msg_adapters.codecs import Triggers
 from msg_adapters.codecs.words import EventPool, events_on_sensor
@@ -127,7 +127,7 @@ class EventArrayDecoder:
 
 
 # Signed throughout: an unsigned integer times a signed one is a float in compiled code, which loses nanoseconds.
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(records, first_x, first_y, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
     """The number of events off the sensor."""
     column_end, row_end = np.uint16(width), np.uint16(height)

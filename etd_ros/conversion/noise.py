@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.buffers import ArrayPool
 from etd_ros.conversion.batches import check_batch
 from etd_ros.events import Events, check_pixel_map
@@ -128,7 +128,7 @@ class BackgroundActivityFilter:
         return len(t) if t[-1] <= latest_ns else int(np.searchsorted(t, latest_ns, side="right"))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _supported(
     neighbour_ns: npt.NDArray[np.signedinteger],
     stride: np.uint64,
@@ -164,14 +164,14 @@ def _supported(
     return int(found)
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _rebase(neighbour_ns: npt.NDArray[np.signedinteger], shift_ns: int, never: int) -> None:
     """Let times count from a base shift_ns later; those that do not fit any more are as good as never."""
     for i in range(len(neighbour_ns)):
         neighbour_ns[i] = max(neighbour_ns[i], never + shift_ns) - shift_ns
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _gather(
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],

@@ -11,8 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel, borrowing_part
 from etd_ros.errors import EtdError
 from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
@@ -194,7 +194,7 @@ class HighPassFilter:
         yield events
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _kept(ticks: int, fine: Any, coarse: Any) -> float:
     """exp(-ticks / TICKS_PER_TIME_CONSTANT) as a product of two table entries; 1 before and 0 past the span."""
     # Clamped and unsigned, so that there is neither a branch nor an index out of the tables.
@@ -202,7 +202,7 @@ def _kept(ticks: int, fine: Any, coarse: Any) -> float:
     return coarse[index >> np.uint64(TABLE_BITS)] * fine[index & np.uint64(TABLE_SIZE - 1)]  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _integrate(
     t: Any,
     x: Any,
@@ -229,7 +229,7 @@ def _integrate(
         pixel.tick = tick
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _rebase(state: Any, shift: int) -> None:
     """Count ticks from `shift` later; pixels too old for that have decayed long before."""
     ticks = state["tick"]
@@ -237,14 +237,14 @@ def _rebase(state: Any, shift: int) -> None:
         ticks[i] = max(ticks[i], TICK_MIN + shift) - shift
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decay(state: Any, tick: int, highest: float, fine: Any, coarse: Any, levels: Any) -> None:
     for i in range(len(levels)):
         pixel = state[i]
         levels[i] = min(highest, pixel.level * _kept(tick - pixel.tick, fine, coarse))
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _spread(brightness: Any, low: float, high: float, image: Any) -> None:
     """Values from low to high spread over 0..255, rounded and clipped; all float32, eight in one instruction."""
     black, scale = np.float32(low), np.float32(255 / (high - low))

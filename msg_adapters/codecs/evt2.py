@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from msg_adapters.codecs.words import (
     WORD_32,
     DecodedWords,
@@ -65,7 +65,7 @@ class Evt2Decoder:
         self._state[:] = -1
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _count(words):  # type: ignore[no-untyped-def]
     events, triggers = 0, 0
     for record in words:
@@ -75,7 +75,7 @@ def _count(words):  # type: ignore[no-untyped-def]
     return events, triggers
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
     count, trigger_count, skipped = 0, 0, 0
     high = state[_HIGH]

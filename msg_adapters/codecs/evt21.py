@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from msg_adapters.codecs.words import (
     WORD_64,
     DecodedWords,
@@ -80,7 +80,7 @@ class Evt21Decoder:
         self._state[:] = -1
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _count(words):  # type: ignore[no-untyped-def]
     events, triggers = np.uint64(0), 0
     for record in words:
@@ -93,7 +93,7 @@ def _count(words):  # type: ignore[no-untyped-def]
     return np.int64(events), triggers
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, state, t, x, y, p, trigger_t, trigger_id, trigger_edge):  # type: ignore[no-untyped-def]
     count, trigger_count, skipped = np.uint64(0), 0, 0
     high = state[_HIGH]

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from msg_adapters.codecs.words import (
     WORD_64,
     DecodedWords,
@@ -49,7 +49,7 @@ class LibcaerDecoder:
         """Nothing to forget."""
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
     """The number of events off the sensor."""
     column_end, row_end = np.uint16(width), np.uint16(height)

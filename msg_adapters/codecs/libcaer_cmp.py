@@ -22,8 +22,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel, borrowing_part
 from msg_adapters.codecs.words import (
     WORD_16,
     DecodedWords,
@@ -76,7 +76,7 @@ class LibcaerCmpDecoder:
         """Nothing to forget."""
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
     """Items that the arrays must have, then the numbers of what was decoded: nothing if the arrays are too short."""
     needed = _capacity(words)
@@ -86,7 +86,7 @@ def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-
     return needed, _count_off_sensor(x, y, count, width, height), count, skipped
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _capacity(words):  # type: ignore[no-untyped-def]
     """Items that `_decode_words` may write: events, and one more that is not counted."""
     items = 1
@@ -96,7 +96,7 @@ def _capacity(words):  # type: ignore[no-untyped-def]
     return items
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
     column_end, row_end = np.uint16(width), np.uint16(height)
     off_sensor = 0
@@ -105,7 +105,7 @@ def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-de
     return off_sensor
 
 
-@njit(cache=True, nogil=True)
+@borrowing_part
 def _decode_words(words, time_base_ns, t, x, y, p):  # type: ignore[no-untyped-def]
     count, skipped = np.uint64(0), 0
     column, base_row, base_polarity = np.int64(0), np.int64(0), np.int64(0)

@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.events import Events
 from msg_adapters.codecs.words import (
     WORD_64,
@@ -92,7 +92,7 @@ def encode_mono(events: Events, time_base_ns: int) -> npt.NDArray[np.uint64]:
     return words
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
     """The number of events off the sensor."""
     column_end, row_end = np.uint16(width), np.uint16(height)
@@ -108,7 +108,7 @@ def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-
     return off_sensor
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _encode(t, x, y, p, time_base_ns, words):  # type: ignore[no-untyped-def]
     for i in range(len(words)):
         place = np.int64(x[i]) << X_SHIFT | np.int64(y[i]) << Y_SHIFT | np.int64(p[i]) << POLARITY_SHIFT

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.buffers import LENGTH_SHORT, ArrayPool, Arrays
 from etd_ros.events import Events
 from msg_adapters.layout import MessageError
@@ -200,7 +200,7 @@ _NO_TRIGGER_COLUMNS: TriggerColumns = np.empty(0, np.int64), np.empty(0, np.uint
 _NO_TRIGGERS = Triggers(*_NO_TRIGGER_COLUMNS)
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def]
     """How many of the first `count` events lie outside the sensor.
 
@@ -213,7 +213,7 @@ def count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-def
     return off_sensor
 
 
-@njit(cache=True, nogil=True)
+@borrowing_kernel
 def _keep_on_sensor(t, x, y, p, count, width, height):  # type: ignore[no-untyped-def]
     column_end, row_end = np.uint16(width), np.uint16(height)
     kept = np.uint64(0)  # unsigned: a signed index is asked at each access whether it counts from the end
