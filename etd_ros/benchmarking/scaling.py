@@ -22,7 +22,7 @@ MEV = 1_000_000
 SEED = 1
 FIGURE_INCHES = (10.0, 7.0)
 DPI = 110
-SPEED_TICKS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
+SPEED_TICKS = (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 
 
 @dataclass(frozen=True)

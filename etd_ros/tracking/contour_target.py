@@ -218,9 +218,9 @@ class ContourTarget:
         contours = self._contours
         contours.is_changing = False
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
-        look = contours.look(self._surface, any_motion=self._settling > 0)
+        look = self._look_here()
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
-            look = contours.look(self._surface, any_motion=self._settling > 0)
+            look = self._look_here()
         x, y = contours.predicted(stamp_ns)
         if look.events < EVENTS_MIN:
             self._go_without_events(stamp_ns, elapsed_s)
@@ -262,6 +262,9 @@ class ContourTarget:
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
 
+    def _look_here(self) -> Look:
+        return self._contours.look(self._surface, any_motion=self._settling > 0)
+
     @property
     def _jump_max_px(self) -> float:
         return max(JUMP_MIN_PX, JUMPS * self._usual_jump_px)
@@ -295,7 +298,7 @@ class ContourTarget:
     def _look_for_change(self, look: Look, stamp_ns: int) -> Look:
         """A look at what the target was like lately, if that fits better: it, or what is behind it, has changed."""
         self._contours.is_changing = True
-        recent = self._contours.look(self._surface, any_motion=self._settling > 0)
+        recent = self._look_here()
         confidence = self._usual.confidence(recent) * self._plausible(recent, stamp_ns)
         if confidence > self._confidence:
             self._confidence = confidence
