@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.conversion.batches import check_batch
+from etd_ros.conversion.batches import check_batch, check_size, earliest_ns, not_following
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
-from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, finish
+from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, check_and_advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -74,6 +74,50 @@ class FrameAccumulator:
             self.start_ns = int(events.t[0])
         self._previous_ns = events.t.item(-1)
 
+    def accept_and_advance(
+        self, events: Events, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
+    ) -> tuple[int, float, int]:
+        """`accept` and, from the batch's first event on, `advance`, by one call of a kernel."""
+        check_size(events, self.width, self.height)
+        if events.t.size == 0:
+            return 0, 0.0, 0
+        if self._previous_ns is None:
+            self.start_ns = int(events.t[0])
+        added, nzge, frame_events = check_and_advance(
+            self.store,
+            self.state,
+            *(events.t, events.x, events.y, events.p),
+            earliest_ns(self._previous_ns),
+            self.start_ns,
+            min_duration_ns,
+            max_duration_ns,
+            alpha,
+            check_stride,
+            self.data,
+        )
+        if added < 0:
+            raise not_following(events, self._previous_ns)
+        self._previous_ns = events.t.item(-1)
+        return added, nzge, frame_events
+
+    def advance(
+        self, events: Events, first: int, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
+    ) -> tuple[int, float, int]:
+        """Add events from `first` on until the frame reaches alpha; the arguments and what is returned are those of the
+        kernel."""
+        return advance(
+            self.store,
+            self.state,
+            *(events.t, events.x, events.y, events.p),
+            first,
+            self.start_ns,
+            min_duration_ns,
+            max_duration_ns,
+            alpha,
+            check_stride,
+            self.data,
+        )
+
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
         wanted = cell_rectangles(boxes, self.width, self.height, self._cell_size)
@@ -83,19 +127,9 @@ class FrameAccumulator:
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
-        added, *_ = advance(
-            self.store,
-            self.state,
-            *(events.t[:stop], events.x, events.y, events.p),
-            first,
-            self.start_ns,
-            self.start_ns,
-            limit_ns,
-            1.0,
-            NO_CHECKS,
-            self.data,
-        )
-        return int(added)
+        part = events if stop == len(events) else events[:stop]
+        added, *_ = self.advance(part, first, 0, limit_ns - self.start_ns, 1.0, NO_CHECKS)
+        return added
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
@@ -134,6 +168,7 @@ class AccumulatingConverter(ABC):
     def __init__(self, accumulator: FrameAccumulator) -> None:
         self._accumulator = accumulator
 
+    @abstractmethod
     def convert(self, events: Events) -> Iterator[Frame]:
         """Take a batch that follows the last one in time; yield the frames that it finishes.
 
@@ -142,13 +177,7 @@ class AccumulatingConverter(ABC):
         Raises:
             ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
         """
-        self._accumulator.accept(events)
-        return self._frames(events)
 
     def reset(self) -> None:
         """Forget the unfinished frame: the next batch starts a new stream."""
         self._accumulator.reset()
-
-    @abstractmethod
-    def _frames(self, events: Events) -> Iterator[Frame]:
-        """The frames that an accepted batch finishes."""

@@ -12,7 +12,6 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import advance
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError, Parameters, parameter
@@ -150,30 +149,33 @@ class AtsltdConverter(AccumulatingConverter):
         longest_s = min(max(self._at_most_s, self._at_least_s), config.max_duration_s)
         return round(max(self._at_least_s, config.min_duration_s) * 1e9), max(1, round(longest_s * 1e9))
 
-    def _frames(self, events: Events) -> Iterator[Frame]:
+    def convert(self, events: Events) -> Iterator[Frame]:
+        """See `Converter.convert`; the events up to the first frame are added at once."""
+        self._begin_frame()
+        config, accumulator = self.config, self._accumulator
+        step = accumulator.accept_and_advance(
+            events, self._min_duration_ns, self._max_duration_ns, config.nzge_interval[0], config.check_stride
+        )
+        return self._frames(events, step)
+
+    def _begin_frame(self) -> None:
+        """Take on what has been asked for the next frame, if one begins."""
+        accumulator = self._accumulator
+        if self._regions is not None and accumulator.events == 0:
+            accumulator.count_in(self._regions())
+        if self._next_durations_ns is not None and accumulator.events == 0:
+            # Not before: the frame under way may hold events from after its new end.
+            self._min_duration_ns, self._max_duration_ns = self._next_durations_ns
+            self._next_durations_ns = None
+
+    def _frames(self, events: Events, step: tuple[int, float, int]) -> Iterator[Frame]:
+        """The frames of a batch, by steps from one to the next; the first step has been made."""
         accumulator = self._accumulator
         alpha, beta = self.config.nzge_interval
         frame: Frame | None
-        i, number = 0, len(events)
-        while i < number:
-            if self._regions is not None and accumulator.events == 0:
-                accumulator.count_in(self._regions())
-            if self._next_durations_ns is not None and accumulator.events == 0:
-                # Not before: the frame under way may hold events from after its new end.
-                self._min_duration_ns, self._max_duration_ns = self._next_durations_ns
-                self._next_durations_ns = None
-            i, reached_nzge, frame_events = advance(
-                accumulator.store,
-                accumulator.state,
-                *(events.t, events.x, events.y, events.p),
-                i,
-                accumulator.start_ns,
-                accumulator.start_ns + self._min_duration_ns,
-                accumulator.start_ns + self._max_duration_ns,
-                alpha,
-                self.config.check_stride,
-                accumulator.data,
-            )
+        number = len(events)
+        while True:
+            i, reached_nzge, frame_events = step
             if reached_nzge > 0:
                 frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, reached_nzge, frame_events)
                 self.overshoots += frame.nzge > beta
@@ -183,3 +185,9 @@ class AtsltdConverter(AccumulatingConverter):
                 return
             if frame is not None:
                 yield frame
+            if i == number:
+                return
+            self._begin_frame()
+            step = accumulator.advance(
+                events, i, self._min_duration_ns, self._max_duration_ns, alpha, self.config.check_stride
+            )

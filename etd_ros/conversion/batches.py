@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.borrowing_kernel import borrowing_kernel
+from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.frame import ConversionError
 from etd_ros.events import Events
 
@@ -25,16 +25,42 @@ def check_batch(events: Events, width: int, height: int, previous_ns: int | None
     Raises:
         ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
     """
+    check_size(events, width, height)
+    if not _follows(events.t, events.x, events.y, events.p, width, height, earliest_ns(previous_ns)):
+        raise not_following(events, previous_ns)
+
+
+def check_size(events: Events, width: int, height: int) -> None:
+    """Verify that a batch is of the stream's sensor, width x height pixels.
+
+    Raises:
+        ConversionError: it is not.
+    """
     if (events.width, events.height) != (width, height):
         msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
         raise ConversionError(msg)
-    earliest_ns = 1 - TIME_MAX_NS if previous_ns is None else previous_ns
-    if not _follows(events.t, events.x, events.y, events.p, width, height, earliest_ns):
-        raise ConversionError(_what_is_wrong(events, previous_ns))
+
+
+def earliest_ns(previous_ns: int | None) -> int:
+    """The earliest time of an event that follows one at previous_ns, or none (ns)."""
+    return 1 - TIME_MAX_NS if previous_ns is None else previous_ns
 
 
 @borrowing_kernel
 def _follows(
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    width: int,
+    height: int,
+    earliest_ns: int,
+) -> bool:
+    return follows(t, x, y, p, width, height, earliest_ns)
+
+
+@kernel_part
+def follows(
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
@@ -59,6 +85,11 @@ def _follows(
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
     return bool(room >= 0 and steps_back == 0 and earliest_ns <= t[0] and t[-1] < TIME_MAX_NS)
+
+
+def not_following(events: Events, previous_ns: int | None) -> ConversionError:
+    """What is wrong with a batch for which `follows` is false."""
+    return ConversionError(_what_is_wrong(events, previous_ns))
 
 
 def _what_is_wrong(events: Events, previous_ns: int | None) -> str:

@@ -85,11 +85,14 @@ def source_digest() -> str:
     """Changes with what kernels are compiled of beside their own file: named in the type of an argument, it keeps those
     out of the cache's answers that were compiled with other sources."""
     names = (
+        "adding.py",
+        "batches.py",
         "bits.py",
         "cell_map.py",
         "frame_buffers.py",
         "marks.py",
         "nzge.py",
+        "readout.py",
         "tiles.py",
         "vectors.py",
         "../borrowing_kernel.py",

@@ -39,6 +39,11 @@ class FixedWindowConverter(AccumulatingConverter):
         self._window_ns = round(self.config.window_s * 1e9)
         super().__init__(FrameAccumulator(width, height))
 
+    def convert(self, events: Events) -> Iterator[Frame]:
+        """See `Converter.convert`."""
+        self._accumulator.accept(events)
+        return self._frames(events)
+
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator
         i = 0
@@ -86,6 +91,11 @@ class FixedCountConverter(AccumulatingConverter):
         self.config = config or FixedCountConfig()
         self._max_duration_ns = round(self.config.max_duration_s * 1e9)
         super().__init__(FrameAccumulator(width, height))
+
+    def convert(self, events: Events) -> Iterator[Frame]:
+        """See `Converter.convert`."""
+        self._accumulator.accept(events)
+        return self._frames(events)
 
     def _frames(self, events: Events) -> Iterator[Frame]:
         accumulator = self._accumulator

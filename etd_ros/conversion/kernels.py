@@ -1,9 +1,7 @@
-"""The kernels of conversion: events into the cell map, a running bound of its NZGE, and the frame out of it.
+"""The kernels of conversion: when to look at the cell map's NZGE, by a running bound of it, and when a frame ends.
 
-They stay in one module: the compiler's cache knows only changes of a kernel's own file, and, by the state's type, of
-what else `advance` and `finish` are made of. Loops over events have no branches on what comes: the processor cannot
-predict it. Indices are unsigned: for signed ones the compiler adds a comparison to each access, as a negative index
-would count from the end.
+The compiler's cache knows only changes of a kernel's own file, and, by the state's type, of what else these are made
+of.
 """
 
 from __future__ import annotations
@@ -12,20 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
-from etd_ros.conversion.bits import count_bits, lowest_bit
-from etd_ros.conversion.cell_map import (
-    GROUP_TILES,
-    LANES,
-    PARTIAL,
-    TILE_SIDE,
-    CellMap,
-    CellStore,
-    borrowed_cells,
-    source_digest,
-)
-from etd_ros.conversion.frame_buffers import written_from
-from etd_ros.conversion.marks import mark_events
-from etd_ros.conversion.tiles import clear_row, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.adding import add_events
+from etd_ros.conversion.batches import follows
+from etd_ros.conversion.cell_map import CellMap, CellStore, borrowed_cells, source_digest
+from etd_ros.conversion.readout import read_levels
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -45,17 +33,11 @@ number) where they are strewn. From then on a frame waits until NZGE has most li
 than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
 """
 
-FEW_TWINS = 2
-"""So many pairs of pixels of one level are two pixels each; three may be three pixels."""
-
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
-
-HALF_UP = 0.5 + 1e-10
-"""Rounds halves up: above the rounding errors (1e-13) and below the distance of other levels from a half (1 / 4e9)."""
 
 STATE_DTYPE = np.dtype(
     [
@@ -82,132 +64,6 @@ found less than alpha. The last field is empty (`source_digest`).
 """
 
 EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0)
-
-ON, OFF = 1, 2
-
-_U32, _U64 = np.uint32, np.uint64
-
-
-@kernel_part
-def _add_events(
-    cells: CellMap,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: int,
-    stop: int,
-    start_ns: int,
-) -> None:
-    """Add events first .. stop - 1 to the frame that starts at start_ns.
-
-    In blocks, whose slots are found first, in loops that the compiler vectorises.
-    """
-    state[0].events += stop - first
-    while first < stop:
-        number = min(stop - first, len(cells.slots))
-        if cells.columns > 0:
-            _compute_slots(cells, x, y, p, _U64(first), _U64(number))
-        else:
-            _look_up_slots(cells, x, y, p, _U64(first), _U64(number))
-        if cells.is_plain:
-            _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
-        else:
-            _mark_and_count_slots(cells, state, t, _U64(first), _U64(number), start_ns)
-        first += number
-
-
-@kernel_part
-def _compute_slots(
-    cells: CellMap,
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: np.uint64,
-    number: np.uint64,
-) -> None:
-    """The slots of events where a cell is one tile of 4 x 4 pixels; all in 32 bits, the compiler's widest loops."""
-    cell_columns = _U32(cells.columns)
-    for k in range(number):
-        column, row = _U32(x[first + k]), _U32(y[first + k])
-        cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
-        place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
-        off = _U32(_U32(_U32(p[first + k]) ^ _U32(1)) << _U32(4))
-        cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
-
-
-@kernel_part
-def _look_up_slots(
-    cells: CellMap,
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: np.uint64,
-    number: np.uint64,
-) -> None:
-    for k in range(number):
-        on_slot = cells.row_slot[y[first + k]] + cells.column_slot[x[first + k]]
-        cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
-
-
-@kernel_part
-def _mark_slots(
-    cells: CellMap,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    first: np.uint64,
-    number: np.uint64,
-    start_ns: int,
-) -> None:
-    """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
-    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
-    whole = number - number % _U64(LANES)
-    gained, counted = mark_events(slots, last, words, t, first, whole, start_ns, cells.gains_high, cells.gains_low)
-    for k in range(whole, number):
-        slot = slots[k]
-        last[slot] = t[first + _U64(k)] - start_ns
-        tile = slot >> _U32(5)
-        before = words[tile]
-        bit = _U32(1) << (slot & _U32(31))
-        words[tile] = before | bit
-        in_channel = _U32(before & _U32(_U32(0xFFFF) << (slot & _U32(16))))
-        gained += gains[count_bits(in_channel)] & -int(_U32(before & bit) == _U32(0))
-        counted += int(before == _U32(0))
-    state[0].entropy += gained
-    state[0].counted += counted
-
-
-@kernel_part
-def _mark_and_count_slots(
-    cells: CellMap,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    first: np.uint64,
-    number: np.uint64,
-    start_ns: int,
-) -> None:
-    """The same where some cells do not count, or a cell has several tiles."""
-    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
-    counts, is_counted = cells.counts, cells.is_counted
-    gained, counted = np.int64(0), np.int64(0)
-    for k in range(number):
-        slot = slots[k]
-        last[slot] = t[first + k] - start_ns
-        tile = slot >> _U32(5)
-        before = words[tile]
-        after = _U32(before | (_U32(1) << (slot & _U32(31))))
-        words[tile] = after
-        is_new = _U32(after != before)
-        cell = tile >> _U64(cells.tile_shift)
-        channel = (cell << _U64(1)) | ((slot >> _U32(4)) & _U32(1))
-        count = counts[channel]
-        counted_new = np.int64(is_new) & np.int64(is_counted[cell])
-        gained += gains[count] & -counted_new
-        counted += counted_new & np.int64((count | counts[channel ^ _U64(1)]) == 0)
-        counts[channel] = count + is_new
-    state[0].entropy += gained
-    state[0].counted += counted
 
 
 @kernel_part
@@ -240,7 +96,7 @@ def finish(
 @kernel_part
 def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
     """Write the grey levels of the pixels with events into the frame's data, and return its exact NZGE."""
-    lost, without_entropy = _read_levels(cells, duration_ns, False, data)
+    lost, without_entropy = read_levels(cells, duration_ns, False, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
     state[0].unsure = 0.0
@@ -252,7 +108,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
 @kernel_part
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
     """Note what a sample of the cells has lost."""
-    lost, without_entropy = _read_levels(cells, duration_ns, True, data)
+    lost, without_entropy = read_levels(cells, duration_ns, True, data)
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
@@ -260,107 +116,6 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
     if lost_pairs >= SAMPLE_PAIRS_MIN:
         state[0].unsure = (1 + 1 / np.sqrt(lost_pairs) - SAMPLE_TRUST) / SAMPLE_TRUST * state[0].lost
     state[0].without_entropy = without_entropy * scale
-
-
-@kernel_part
-def _read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]) -> tuple[float, int]:
-    """Write the levels of the pixels with events, or look at those of the sample without writing them.
-
-    A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
-
-    Returns:
-        What the channels' entropies lose against distinct levels, and the number of cells with events, but without
-        entropy; both over the cells that count.
-    """
-    words, levels, is_counted = cells.words, cells.levels, cells.is_counted
-    slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
-    row_bytes = _U64(2 * len(cells.column_slot))
-    pairs_max = FEW_TWINS if cells.tile_shift == 0 else -1
-    cells.seen[:] = 0
-    if not of_sample:
-        _clear_old_tiles(cells, data, row_bytes)
-    pairs, lost, without_entropy = np.int64(0), 0.0, 0
-    for k in range(_U64(len(cells.sample))):
-        first = k * _U64(GROUP_TILES)
-        group = tiles_with_events(words, first)
-        if of_sample:
-            group &= cells.sample[k]
-        while group:
-            tile = first | lowest_bit(group)
-            group = _U64(group & _U64(group - _U64(1)))
-            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels))
-            if not of_sample:
-                byte = _U64(cells.tile_byte[tile])
-                if byte < PARTIAL:
-                    write_tile(levels, data, byte, row_bytes)
-                else:
-                    _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
-            if twins <= pairs_max:
-                pairs += twins & -np.int64(is_counted[tile])
-            else:
-                loss, without = _lost_by_twins(cells, tile)
-                lost += loss
-                without_entropy += without
-    return lost + pairs * cells.loss[1], without_entropy
-
-
-@kernel_part
-def _clear_old_tiles(cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64) -> None:
-    """Clear the tiles that an earlier frame has written into data and this one will not, or not all of; note those that
-    it will.
-
-    Of a tile that does not have all of its 4 x 4 pixels, others may be cleared with it: all before any is written.
-    """
-    level_bytes = row_bytes * _U64(len(cells.row_slot))
-    written = data[written_from(int(level_bytes)) :].view(np.uint64)
-    for k in range(_U64(len(written))):
-        first = k * _U64(GROUP_TILES)
-        group = tiles_with_events(cells.words, first)
-        old = _U64(written[k] & _U64(~_U64(group & cells.whole[k])))
-        written[k] = group
-        while old:
-            byte = _U64(cells.tile_byte[first | lowest_bit(old)]) & _U64(PARTIAL - 1)
-            old = _U64(old & _U64(old - _U64(1)))
-            for _ in range(TILE_SIDE):
-                if byte < level_bytes:
-                    clear_row(data, byte)
-                byte += row_bytes
-
-
-@kernel_part
-def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], byte: np.uint64) -> None:
-    """Write the levels of a tile that does not have all of its 4 x 4 pixels."""
-    while word:
-        place = _U64(lowest_bit(word))
-        data[byte + _U64(cells.slot_byte[place])] = cells.levels[place]
-        word = _U32(word & _U32(word - _U32(1)))
-
-
-@kernel_part
-def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
-    """What the entropies of a tile's channels lose by levels that come twice or more, and whether the tile, its cell's
-    last one, completes a cell that has events but no entropy: its channels are full of one level, or empty.
-
-    The tiles of a cell have to come one after the other. A level has been seen c times in its cell and channel if its
-    mark is the cell's stamp + c; stamps only grow.
-    """
-    cell, word = tile >> _U64(cells.tile_shift), cells.words[tile]
-    if not cells.is_counted[cell]:
-        return 0.0, 0
-    stamp = _U32(_U32(cell + _U64(1)) * _U32(len(cells.loss)))
-    lost, full = 0.0, 0
-    while word:
-        place = _U64(lowest_bit(word))
-        key = ((place & _U64(16)) << _U64(4)) | _U64(cells.levels[place])
-        mark = cells.seen[key]
-        same = _U32(mark - stamp) if mark > stamp else _U32(0)
-        cells.seen[key] = _U32(_U32(stamp + same) + _U32(1))
-        if same:
-            lost += cells.loss[same]
-            if same + _U32(2) == len(cells.loss):
-                full |= OFF if place >= _U64(16) else ON
-        word = _U32(word & _U32(word - _U32(1)))
-    return lost, int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
 
 
 @kernel_part
@@ -380,14 +135,31 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     state[0].failed = 0
 
 
-@kernel_part
-def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
-    """Whether a cell's channel has no events."""
-    channel = _U32(0xFFFF) if on else _U32(0xFFFF0000)
-    held = _U32(0)
-    for tile in range(cell << _U64(cells.tile_shift), (cell + _U64(1)) << _U64(cells.tile_shift)):
-        held = _U32(held | (cells.words[tile] & channel))
-    return bool(held == _U32(0))
+@borrowing_kernel
+def check_and_advance(
+    store: CellStore,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    previous_ns: int,
+    start_ns: int,
+    min_duration_ns: int,
+    max_duration_ns: int,
+    alpha: float,
+    check_stride: int,
+    data: npt.NDArray[np.uint8],
+) -> tuple[int, float, int]:
+    """`advance` from the first event of a batch on, which has to follow an event at previous_ns; if it does not, -1, 0
+    and 0, and nothing is added.
+
+    One kernel, since many batches are so small that a call costs as much as their events.
+    """
+    cells = borrowed_cells(store)
+    if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), previous_ns):
+        return -1, 0.0, 0
+    return _advance(cells, state, t, x, y, p, 0, start_ns, min_duration_ns, max_duration_ns, alpha, check_stride, data)
 
 
 @borrowing_kernel
@@ -400,27 +172,49 @@ def advance(
     p: npt.NDArray[np.uint8],
     first: int,
     start_ns: int,
-    earliest_ns: int,
-    limit_ns: int,
+    min_duration_ns: int,
+    max_duration_ns: int,
     alpha: float,
     check_stride: int,
     data: npt.NDArray[np.uint8],
 ) -> tuple[int, float, int]:
-    """Add events to the frame until it reaches alpha at earliest_ns or later, one comes after limit_ns, or the batch is
-    over.
+    """Add events to the frame that started at start_ns until it reaches alpha, min_duration_ns later at the earliest,
+    one comes later than max_duration_ns, or the batch is over.
 
     Returns:
         The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
         frame is in data then, and the next one has begun), or 0 and 0.
     """
-    cells = borrowed_cells(store)
-    stop = _first_after(t, first, limit_ns)
+    return _advance(
+        borrowed_cells(store), state, t, x, y, p, first, start_ns, min_duration_ns, max_duration_ns, alpha,
+        check_stride, data,
+    )  # fmt: skip
+
+
+@kernel_part
+def _advance(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    start_ns: int,
+    min_duration_ns: int,
+    max_duration_ns: int,
+    alpha: float,
+    check_stride: int,
+    data: npt.NDArray[np.uint8],
+) -> tuple[int, float, int]:
+    earliest_ns = start_ns + min_duration_ns
+    stop = _first_after(t, first, start_ns + max_duration_ns)
     i = first
     if state[0].events == 0:
         state[0].next = check_stride
     while True:
         part = min(stop, i + state[0].next - state[0].events)
-        _add_events(cells, state, t, x, y, p, i, part, start_ns)
+        add_events(cells, state, t, x, y, p, i, part, start_ns)
         i = part
         if state[0].events < state[0].next:
             return i, 0.0, 0

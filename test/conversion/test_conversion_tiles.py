@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
-from etd_ros.conversion.kernels import HALF_UP
+from etd_ros.conversion.readout import HALF_UP
 from etd_ros.conversion.tiles import tile_levels, tiles_with_events, write_tile
 
 times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)

@@ -1,0 +1,139 @@
+"""Events into the cell map, with what they add to the running sums of its entropy.
+
+Loops over events have no branches on what comes: the processor cannot predict it. Indices are unsigned: for signed ones
+the compiler adds a comparison to each access, as a negative index would count from the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.borrowing_kernel import kernel_part
+from etd_ros.conversion.bits import count_bits
+from etd_ros.conversion.cell_map import LANES, CellMap
+from etd_ros.conversion.marks import mark_events
+
+_U32, _U64 = np.uint32, np.uint64
+
+
+@kernel_part
+def add_events(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
+    start_ns: int,
+) -> None:
+    """Add events first .. stop - 1 to the frame that starts at start_ns.
+
+    In blocks, whose slots are found first, in loops that the compiler vectorises.
+    """
+    state[0].events += stop - first
+    while first < stop:
+        number = min(stop - first, len(cells.slots))
+        if cells.columns > 0:
+            _compute_slots(cells, x, y, p, _U64(first), _U64(number))
+        else:
+            _look_up_slots(cells, x, y, p, _U64(first), _U64(number))
+        if cells.is_plain:
+            _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+        else:
+            _mark_and_count_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+        first += number
+
+
+@kernel_part
+def _compute_slots(
+    cells: CellMap,
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: np.uint64,
+    number: np.uint64,
+) -> None:
+    """The slots of events where a cell is one tile of 4 x 4 pixels; all in 32 bits, the compiler's widest loops."""
+    cell_columns = _U32(cells.columns)
+    for k in range(number):
+        column, row = _U32(x[first + k]), _U32(y[first + k])
+        cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
+        place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
+        off = _U32(_U32(_U32(p[first + k]) ^ _U32(1)) << _U32(4))
+        cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
+
+
+@kernel_part
+def _look_up_slots(
+    cells: CellMap,
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: np.uint64,
+    number: np.uint64,
+) -> None:
+    for k in range(number):
+        on_slot = cells.row_slot[y[first + k]] + cells.column_slot[x[first + k]]
+        cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
+
+
+@kernel_part
+def _mark_slots(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    first: np.uint64,
+    number: np.uint64,
+    start_ns: int,
+) -> None:
+    """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
+    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
+    whole = number - number % _U64(LANES)
+    gained, counted = mark_events(slots, last, words, t, first, whole, start_ns, cells.gains_high, cells.gains_low)
+    for k in range(whole, number):
+        slot = slots[k]
+        last[slot] = t[first + _U64(k)] - start_ns
+        tile = slot >> _U32(5)
+        before = words[tile]
+        bit = _U32(1) << (slot & _U32(31))
+        words[tile] = before | bit
+        in_channel = _U32(before & _U32(_U32(0xFFFF) << (slot & _U32(16))))
+        gained += gains[count_bits(in_channel)] & -int(_U32(before & bit) == _U32(0))
+        counted += int(before == _U32(0))
+    state[0].entropy += gained
+    state[0].counted += counted
+
+
+@kernel_part
+def _mark_and_count_slots(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    first: np.uint64,
+    number: np.uint64,
+    start_ns: int,
+) -> None:
+    """The same where some cells do not count, or a cell has several tiles."""
+    slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
+    counts, is_counted = cells.counts, cells.is_counted
+    gained, counted = np.int64(0), np.int64(0)
+    for k in range(number):
+        slot = slots[k]
+        last[slot] = t[first + k] - start_ns
+        tile = slot >> _U32(5)
+        before = words[tile]
+        after = _U32(before | (_U32(1) << (slot & _U32(31))))
+        words[tile] = after
+        is_new = _U32(after != before)
+        cell = tile >> _U64(cells.tile_shift)
+        channel = (cell << _U64(1)) | ((slot >> _U32(4)) & _U32(1))
+        count = counts[channel]
+        counted_new = np.int64(is_new) & np.int64(is_counted[cell])
+        gained += gains[count] & -counted_new
+        counted += counted_new & np.int64((count | counts[channel ^ _U64(1)]) == 0)
+        counts[channel] = count + is_new
+    state[0].entropy += gained
+    state[0].counted += counted

@@ -1,0 +1,133 @@
+"""The grey levels of the unfinished frame out of the cell map, and what its entropy loses by those that are equal."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from etd_ros.borrowing_kernel import kernel_part
+from etd_ros.conversion.bits import lowest_bit
+from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
+from etd_ros.conversion.frame_buffers import written_from
+from etd_ros.conversion.tiles import clear_row, tile_levels, tiles_with_events, write_tile
+
+FEW_TWINS = 2
+"""So many pairs of pixels of one level are two pixels each; three may be three pixels."""
+
+HALF_UP = 0.5 + 1e-10
+"""Rounds halves up: above the rounding errors (1e-13) and below the distance of other levels from a half (1 / 4e9)."""
+
+ON, OFF = 1, 2
+
+_U32, _U64 = np.uint32, np.uint64
+
+
+@kernel_part
+def read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]) -> tuple[float, int]:
+    """Write the levels of the pixels with events, or look at those of the sample without writing them.
+
+    A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
+
+    Returns:
+        What the channels' entropies lose against distinct levels, and the number of cells with events, but without
+        entropy; both over the cells that count.
+    """
+    words, levels, is_counted = cells.words, cells.levels, cells.is_counted
+    slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
+    row_bytes = _U64(2 * len(cells.column_slot))
+    pairs_max = FEW_TWINS if cells.tile_shift == 0 else -1
+    cells.seen[:] = 0
+    if not of_sample:
+        _clear_old_tiles(cells, data, row_bytes)
+    pairs, lost, without_entropy = np.int64(0), 0.0, 0
+    for k in range(_U64(len(cells.sample))):
+        first = k * _U64(GROUP_TILES)
+        group = tiles_with_events(words, first)
+        if of_sample:
+            group &= cells.sample[k]
+        while group:
+            tile = first | lowest_bit(group)
+            group = _U64(group & _U64(group - _U64(1)))
+            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels))
+            if not of_sample:
+                byte = _U64(cells.tile_byte[tile])
+                if byte < PARTIAL:
+                    write_tile(levels, data, byte, row_bytes)
+                else:
+                    _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
+            if twins <= pairs_max:
+                pairs += twins & -np.int64(is_counted[tile])
+            else:
+                loss, without = _lost_by_twins(cells, tile)
+                lost += loss
+                without_entropy += without
+    return lost + pairs * cells.loss[1], without_entropy
+
+
+@kernel_part
+def _clear_old_tiles(cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64) -> None:
+    """Clear the tiles that an earlier frame has written into data and this one will not, or not all of; note those that
+    it will.
+
+    Of a tile that does not have all of its 4 x 4 pixels, others may be cleared with it: all before any is written.
+    """
+    level_bytes = row_bytes * _U64(len(cells.row_slot))
+    written = data[written_from(int(level_bytes)) :].view(np.uint64)
+    for k in range(_U64(len(written))):
+        first = k * _U64(GROUP_TILES)
+        group = tiles_with_events(cells.words, first)
+        old = _U64(written[k] & _U64(~_U64(group & cells.whole[k])))
+        written[k] = group
+        while old:
+            byte = _U64(cells.tile_byte[first | lowest_bit(old)]) & _U64(PARTIAL - 1)
+            old = _U64(old & _U64(old - _U64(1)))
+            for _ in range(TILE_SIDE):
+                if byte < level_bytes:
+                    clear_row(data, byte)
+                byte += row_bytes
+
+
+@kernel_part
+def _write_pixels(cells: CellMap, word: np.uint32, data: npt.NDArray[np.uint8], byte: np.uint64) -> None:
+    """Write the levels of a tile that does not have all of its 4 x 4 pixels."""
+    while word:
+        place = _U64(lowest_bit(word))
+        data[byte + _U64(cells.slot_byte[place])] = cells.levels[place]
+        word = _U32(word & _U32(word - _U32(1)))
+
+
+@kernel_part
+def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
+    """What the entropies of a tile's channels lose by levels that come twice or more, and whether the tile, its cell's
+    last one, completes a cell that has events but no entropy: its channels are full of one level, or empty.
+
+    The tiles of a cell have to come one after the other. A level has been seen c times in its cell and channel if its
+    mark is the cell's stamp + c; stamps only grow.
+    """
+    cell, word = tile >> _U64(cells.tile_shift), cells.words[tile]
+    if not cells.is_counted[cell]:
+        return 0.0, 0
+    stamp = _U32(_U32(cell + _U64(1)) * _U32(len(cells.loss)))
+    lost, full = 0.0, 0
+    while word:
+        place = _U64(lowest_bit(word))
+        key = ((place & _U64(16)) << _U64(4)) | _U64(cells.levels[place])
+        mark = cells.seen[key]
+        same = _U32(mark - stamp) if mark > stamp else _U32(0)
+        cells.seen[key] = _U32(_U32(stamp + same) + _U32(1))
+        if same:
+            lost += cells.loss[same]
+            if same + _U32(2) == len(cells.loss):
+                full |= OFF if place >= _U64(16) else ON
+        word = _U32(word & _U32(word - _U32(1)))
+    return lost, int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
+
+
+@kernel_part
+def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
+    """Whether a cell's channel has no events."""
+    channel = _U32(0xFFFF) if on else _U32(0xFFFF0000)
+    held = _U32(0)
+    for tile in range(cell << _U64(cells.tile_shift), (cell + _U64(1)) << _U64(cells.tile_shift)):
+        held = _U32(held | (cells.words[tile] & channel))
+    return bool(held == _U32(0))
