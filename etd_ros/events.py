@@ -96,11 +96,7 @@ class Events:
             EventsError: sizes, lengths, dtypes, order or a coordinate are wrong.
         """
         check_sensor_size(self.width, self.height)
-        for name in ("t", "x", "y", "p"):
-            array = getattr(self, name)
-            if array.dtype != EVENT_DTYPE[name] or array.shape != (len(self),):
-                msg = f"events.{name} is {array.dtype} {array.shape}, not {EVENT_DTYPE[name]} ({len(self)},)"
-                raise EventsError(msg)
+        self.check_arrays()
         if not len(self):
             return
         if (self.t[1:] < self.t[:-1]).any():
@@ -112,6 +108,18 @@ class Events:
                 f"does not fit a {self.width}x{self.height} sensor"
             )
             raise EventsError(msg)
+
+    def check_arrays(self) -> None:
+        """Verify dtypes and lengths.
+
+        Raises:
+            EventsError: one is wrong.
+        """
+        for name in ("t", "x", "y", "p"):
+            array = getattr(self, name)
+            if array.dtype != EVENT_DTYPE[name] or array.shape != (len(self),):
+                msg = f"events.{name} is {array.dtype} {array.shape}, not {EVENT_DTYPE[name]} ({len(self)},)"
+                raise EventsError(msg)
 
     def __len__(self) -> int:
         return len(self.t)

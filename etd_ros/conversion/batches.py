@@ -7,10 +7,12 @@ import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.frame import ConversionError
-from etd_ros.events import Events
+from etd_ros.events import Events, EventsError
 
 TIME_MAX_NS = 2**62
 """Stamps lie within +-this, so that differences and limits fit 64 bits."""
+
+TIME_BYTES, COORDINATE_BYTES = 8, 2
 
 
 def check_batch(events: Events, width: int, height: int, previous_ns: int | None) -> None:
@@ -23,7 +25,8 @@ def check_batch(events: Events, width: int, height: int, previous_ns: int | None
         previous_ns: time of the stream's last event (ns), None before the first.
 
     Raises:
-        ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+        ConversionError: another sensor size, arrays that are not those of events, a coordinate or polarity off the
+            sensor, or time going back.
     """
     check_size(events, width, height)
     if not _follows(events.t, events.x, events.y, events.p, width, height, earliest_ns(previous_ns)):
@@ -69,18 +72,25 @@ def follows(
     height: int,
     earliest_ns: int,
 ) -> bool:
-    """Whether time never goes back nor leaves what is possible, and all coordinates and polarities fit the sensor."""
+    """Whether time never goes back nor leaves what is possible, and all coordinates and polarities fit the sensor.
+
+    False as well for arrays of unlike lengths, or of integers of other sizes: for those kernels are compiled, too.
+    """
+    if not len(t) == len(x) == len(y) == len(p):
+        return False
+    if t.itemsize != TIME_BYTES or not x.itemsize == y.itemsize == COORDINATE_BYTES or p.itemsize != 1:
+        return False
     if len(t) == 0:
         return True
     # One loop an array, by index, without early exit, in 32 bits: the compiler vectorises these and nothing else.
     room = np.int32(0)
     x_max, y_max, p_max = np.int32(width - 1), np.int32(height - 1), np.int32(1)
     for i in range(len(x)):
-        room = np.int32(room | np.int32(x_max - np.int32(x[i])))
+        room = np.int32(room | np.int32(x[i]) | np.int32(x_max - np.int32(x[i])))
     for i in range(len(y)):
-        room = np.int32(room | np.int32(y_max - np.int32(y[i])))
+        room = np.int32(room | np.int32(y[i]) | np.int32(y_max - np.int32(y[i])))
     for i in range(len(p)):
-        room = np.int32(room | np.int32(p_max - np.int32(p[i])))
+        room = np.int32(room | np.int32(p[i]) | np.int32(p_max - np.int32(p[i])))
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
@@ -93,6 +103,10 @@ def not_following(events: Events, previous_ns: int | None) -> ConversionError:
 
 
 def _what_is_wrong(events: Events, previous_ns: int | None) -> str:
+    try:
+        events.check_arrays()
+    except EventsError as err:
+        return str(err)
     first_ns, last_ns = int(events.t[0]), int(events.t[-1])
     if previous_ns is not None and first_ns < previous_ns:
         return f"event time goes back from {previous_ns} to {first_ns} ns: reset the converter to start a new stream"

@@ -113,13 +113,16 @@ class HighPassFilter:
         """Take events that follow the last ones in time; O(n). Events off the sensor are left out.
 
         Raises:
-            ReconstructionError: the events are of another sensor size.
+            ReconstructionError: the events are of another sensor size, or their arrays differ in length.
         """
         if (events.width, events.height) != (self.width, self.height):
             msg = (
                 f"events of a {events.width}x{events.height} sensor for a reconstruction of "
                 f"{self.width}x{self.height}: make a new filter when the sensor changes"
             )
+            raise ReconstructionError(msg)
+        if not len(events.t) == len(events.x) == len(events.y) == len(events.p):
+            msg = "the events' arrays t, x, y, p differ in length"
             raise ReconstructionError(msg)
         if not len(events):
             return
@@ -219,7 +222,8 @@ def _integrate(
     coarse: Any,
 ) -> None:
     for i in range(len(t)):
-        column, row = x[i], y[i]
+        # Whatever the integers are: a negative one would be an index before the image.
+        column, row = np.uint16(x[i]), np.uint16(y[i])
         if column >= width or row >= height:
             continue
         tick = int((t[i] - base_ns) * ticks_per_ns)

@@ -92,10 +92,12 @@ class Evt3Decoder:
         words = as_words(payload, WORD_16)
         skipped_before = 0
         if not self._is_time_known:
-            known_from = int(_find_time(words, self._state))
+            known_from, sync = _find_time(words, self._state[_SYNC])
             *_, skipped_before = self._columns(words[:known_from], width, height)
+            # Only now: a message that is refused says nothing.
+            self._state[_SYNC] = sync
+            self._is_time_known = sync == _TIME_KNOWN
             words = words[known_from:]
-            self._is_time_known = bool(self._state[_SYNC] == _TIME_KNOWN)
         columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
         return DecodedWords(
             events_on_sensor(columns, count, off_sensor, width, height),
@@ -107,7 +109,7 @@ class Evt3Decoder:
     def _columns(self, words: npt.NDArray[np.void], width: int, height: int) -> tuple[Arrays, int, int, int, int]:
         """Arrays with what the words hold: how many events are off the sensor, how many there are, triggers, and words
         skipped."""
-        columns = self._events.reserve_for_words(len(words))
+        columns = self._events.reserve_for_words(len(words), MASK_12_BITS)
         needed, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
         if needed:
             columns = self._events.reserve_more(needed, len(words))
@@ -121,23 +123,26 @@ class Evt3Decoder:
 
 
 def _last_as_triggers(columns: Arrays, count: int) -> Triggers:
-    """The `count` triggers that `_decode` wrote from the arrays' end on, as views."""
+    """The `count` triggers that `_decode` wrote from the arrays' end on.
+
+    Copied, as whoever keeps these few should not keep the message's events.
+    """
     t, identifier, _, edge = columns
     backwards = slice(None, -count - 1, -1)
-    return Triggers(t[backwards], identifier[backwards], edge[backwards])
+    return Triggers(t[backwards].copy(), identifier[backwards].copy(), edge[backwards].copy())
 
 
 @borrowing_kernel
-def _find_time(words, state):  # type: ignore[no-untyped-def]
-    """Index of the first word after the time is known; the number of words if it never is."""
+def _find_time(words, sync):  # type: ignore[no-untyped-def]
+    """Index of the first word after the time is known, the number of words if it never is; and how much of the time is
+    known then, `sync` before."""
     for i in range(len(words)):
         code = words[i].word >> CODE_SHIFT
         if code == TIME_HIGH:
-            state[_SYNC] = _HIGH_KNOWN
-        elif code == TIME_LOW and state[_SYNC] == _HIGH_KNOWN:
-            state[_SYNC] = _TIME_KNOWN
-            return i + 1
-    return len(words)
+            sync = _HIGH_KNOWN
+        elif code == TIME_LOW and sync == _HIGH_KNOWN:
+            return i + 1, _TIME_KNOWN
+    return len(words), sync
 
 
 @borrowing_kernel
@@ -147,9 +152,10 @@ def _decode(words, state, width, height, t, x, y, p):  # type: ignore[no-untyped
 
     One kernel does all, since many messages are so small that a call costs as much as their words.
     """
-    needed = _capacity(words)
-    if needed > len(t):
-        return needed, 0, 0, 0, 0
+    if MASK_12_BITS * len(words) >= len(t):
+        needed = _capacity(words)
+        if needed > len(t):
+            return needed, 0, 0, 0, 0
     count, trigger_count, skipped = _decode_words(words, state, t, x, y, p)
     return 0, _count_off_sensor(x, y, count, width, height), count, trigger_count, skipped
 

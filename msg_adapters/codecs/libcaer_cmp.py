@@ -64,9 +64,9 @@ class LibcaerCmpDecoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:
         """See `WordDecoder.decode`."""
         words = as_words(payload, WORD_16)
-        columns = self._events.reserve_for_words(len(words))
+        columns = self._events.reserve_for_words(len(words), MASK_8_BITS)
         needed, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
-        if needed > len(columns[0]):
+        if needed:
             columns = self._events.reserve_more(needed, len(words))
             _, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
         events = events_on_sensor(columns, count, off_sensor, width, height)
@@ -78,12 +78,14 @@ class LibcaerCmpDecoder:
 
 @borrowing_kernel
 def _decode(words, time_base_ns, width, height, t, x, y, p):  # type: ignore[no-untyped-def]
-    """Items that the arrays must have, then the numbers of what was decoded: nothing if the arrays are too short."""
-    needed = _capacity(words)
-    if needed > len(t):
-        return needed, 0, 0, 0
+    """Items that the arrays must have where they are too short, and then nothing is decoded; else 0, and the numbers of
+    what was decoded: events off the sensor, all events, words skipped."""
+    if MASK_8_BITS * len(words) >= len(t):
+        needed = _capacity(words)
+        if needed > len(t):
+            return needed, 0, 0, 0
     count, skipped = _decode_words(words, time_base_ns, t, x, y, p)
-    return needed, _count_off_sensor(x, y, count, width, height), count, skipped
+    return 0, _count_off_sensor(x, y, count, width, height), count, skipped
 
 
 @borrowing_part

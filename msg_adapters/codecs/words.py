@@ -32,7 +32,7 @@ MESSAGE_EVENTS_MAX = 1 << 25
 
 @dataclass(frozen=True, slots=True)
 class Triggers:
-    """Edges seen at the camera's trigger inputs; they may share the memory of the message's events.
+    """Edges seen at the camera's trigger inputs.
 
     Attributes:
         t: time (ns) on the clock of the message's events, int64, shape (n,).
@@ -145,17 +145,19 @@ class EventPool(ArrayPool):
             raise MessageError(msg)
         return super().reserve(length)
 
-    def reserve_for_words(self, word_count: int) -> Arrays:
-        """Arrays that are long enough for this many words if those have as many events as the words before.
+    def reserve_for_words(self, word_count: int, events_per_word_max: int) -> Arrays:
+        """Arrays that are long enough for this many words, or, where the words are many, if those have as many events
+        as the words before.
 
         Many words are not presumed to have more than one event each: then the memory would count, and a kernel that
         is called again with longer arrays does not.
         """
-        capacity = word_count * self._events_per_word + 1
+        capacity = word_count * events_per_word_max + 1
         if capacity <= LENGTH_SHORT:
             # The usual case, without asking once more.
             return ArrayPool.reserve(self, capacity)
-        return self.reserve(word_count + 1)
+        capacity = word_count * self._events_per_word + 1
+        return self.reserve(capacity if capacity <= LENGTH_SHORT else word_count + 1)
 
     def reserve_more(self, capacity: int, word_count: int) -> Arrays:
         """Arrays of at least `capacity` items, in place of some that were too short for these words."""

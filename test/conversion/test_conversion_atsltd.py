@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -17,7 +18,7 @@ from conversion_oracles import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etd_ros.conversion import AtsltdConfig, AtsltdConverter, ConversionError, FrameEnd, nzge
+from etd_ros.conversion import AtsltdConfig, AtsltdConverter, BackgroundActivityFilter, ConversionError, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError
@@ -350,6 +351,27 @@ def test_overshoots_are_counted():
 def test_events_that_do_not_fit_are_refused_before_anything_is_done(events, message):
     with pytest.raises(ConversionError, match=message):
         AtsltdConverter(8, 8).convert(events)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("x", np.array([0, -1], np.int16), "events.x is int16"),
+        ("x", np.array([0, 2**32]), "events.x is int64"),
+        ("x", np.zeros(1, np.uint16), r"events.x is uint16 \(1,\)"),
+        ("y", np.zeros(3, np.uint16), r"events.y is uint16 \(3,\)"),
+        ("p", np.zeros(1, np.uint8), r"events.p is uint8 \(1,\)"),
+        ("t", np.zeros(1, np.int64), r"events.x is uint16 \(2,\), not uint16 \(1,\)"),
+    ],
+)
+def test_arrays_that_are_not_those_of_events_are_refused_before_a_kernel_writes_where_they_point(
+    name, array, message
+):
+    events = dataclasses.replace(make_events([0, 1], [0, 0], [0, 0], [1, 1], 8, 8), **{name: array})
+    with pytest.raises(ConversionError, match=message):
+        AtsltdConverter(8, 8).convert(events)
+    with pytest.raises(ConversionError, match=message):
+        BackgroundActivityFilter(8, 8).filter(events)
 
 
 def test_batch_that_goes_back_in_time_is_refused():

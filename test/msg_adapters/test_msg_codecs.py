@@ -22,6 +22,7 @@ from msg_oracles import (
 from etd_ros.events import Events
 from msg_adapters import Evt2Decoder, Evt3Decoder, Evt21Decoder, MessageError
 from msg_adapters.codecs import LibcaerCmpDecoder, LibcaerDecoder, MonoDecoder, TriggerDecoder, encode_mono
+from msg_adapters.codecs.words import MESSAGE_EVENTS_MAX
 
 WIDTH, HEIGHT = 1280, 720
 BASE_NS = 1_700_000_000_000_000_000
@@ -155,6 +156,20 @@ def test_evt3_triggers_are_kept_when_the_next_message_is_decoded():
     triggers = codec.decode(words("H", [0x8000, 0x6009, 0xA301]), WIDTH, HEIGHT).triggers
     codec.decode(words("H", [0x600A, 0xA400]), WIDTH, HEIGHT)
     assert (triggers.t.tolist(), triggers.id.tolist(), triggers.edge.tolist()) == ([9000], [3], [1])
+
+
+def test_evt3_learns_no_time_from_a_message_that_is_refused():
+    codec = Evt3Decoder()
+    with pytest.raises(MessageError, match="smaller messages"):
+        codec.decode(words("H", [*[0x4FFF] * (MESSAGE_EVENTS_MAX // 12 + 1), 0x8001, 0x6002]), WIDTH, HEIGHT)
+    for _ in range(2):
+        assert len(codec.decode(words("H", [0x0005, 0x2005]), WIDTH, HEIGHT).events) == 0
+
+
+def test_evt3_triggers_that_are_kept_keep_no_events():
+    codec = Evt3Decoder()
+    triggers = codec.decode(words("H", [0x8000, 0x6009, 0xA301, *[0x2000] * 9]), WIDTH, HEIGHT).triggers
+    assert [array.base for array in (triggers.t, triggers.id, triggers.edge)] == [None] * 3
 
 
 def test_evt3_forgets_its_time_on_reset():

@@ -306,6 +306,12 @@ def test_events_of_another_sensor_size_are_refused():
         HighPassFilter(WIDTH, HEIGHT).integrate(Events.empty(12, 8))
 
 
+def test_arrays_of_unlike_lengths_are_refused():
+    events = Events(np.zeros(2, np.int64), *(np.zeros(n, np.uint16) for n in (2, 1)), np.ones(2, np.uint8), 12, 8)
+    with pytest.raises(ReconstructionError, match="differ in length"):
+        HighPassFilter(12, 8).integrate(events)
+
+
 def test_impossible_sizes_and_parameters_are_refused():
     with pytest.raises(EventsError, match="0x9"):
         HighPassFilter(0, 9)
