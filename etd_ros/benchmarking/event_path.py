@@ -14,8 +14,8 @@ from etd_ros.benchmarking.streams import RECORDINGS, Stream, recorded, synthetic
 
 MEV = 1_000_000
 DAVIS, HD = (240, 180), (1280, 720)
-RATES = {DAVIS: 10 * MEV, HD: 50 * MEV}
-OTHER_RATES = {DAVIS: 1 * MEV, HD: 100 * MEV}
+RATES = ((DAVIS, 10 * MEV), (HD, 50 * MEV))
+OTHER_RATES = ((DAVIS, MEV // 10), (DAVIS, 1 * MEV), (HD, 100 * MEV))
 """Events per second of the synthetic streams, by sensor size (pixels)."""
 
 KINDS = ("contours", "texture", "uniform", "noisy contours")
@@ -74,15 +74,18 @@ def event_path(effort: Effort, data: Path | None) -> Iterator[Row]:
         for stream in _streams(effort, kinds):
             yield from part(stream, effort.rounds)
     for what in ENCODINGS:
-        for stream in _streams(effort, WIRE_KINDS):
+        others = _streams(effort, ("contours",), OTHER_RATES) if what == "evt3" else ()
+        for stream in chain(_streams(effort, WIRE_KINDS), others):
             yield from decoding(synthetic_wire(what, stream), effort.rounds)
         if data is not None and what in RECORDED_WIRES:
             wire = recorded_wire(what, RECORDED_WIRES[what], data, effort.events)
             yield from decoding(wire, effort.rounds) if wire is not None else ()
 
 
-def _streams(effort: Effort, kinds: Sequence[str], rates: dict[tuple[int, int], int] | None = None) -> Iterator[Stream]:
-    for (width, height), rate in (rates or RATES).items():
+def _streams(
+    effort: Effort, kinds: Sequence[str], rates: Sequence[tuple[tuple[int, int], int]] = RATES
+) -> Iterator[Stream]:
+    for (width, height), rate in rates:
         count = effort.events_hd if (width, height) == HD else effort.events
         for kind in kinds:
             yield synthetic(kind, width, height, count, rate)
