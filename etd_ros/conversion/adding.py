@@ -59,7 +59,7 @@ def _compute_slots(
     """The slots of events where a cell is one tile of 4 x 4 pixels; all in 32 bits, the compiler's widest loops."""
     cell_columns = _U32(cells.columns)
     for k in range(number):
-        column, row = _U32(x[first + k]), _U32(y[first + k])
+        column, row = _U32(np.uint16(x[first + k])), _U32(np.uint16(y[first + k]))
         cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
         place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
         off = _U32(_U32(_U32(p[first + k]) ^ _U32(1)) << _U32(4))

@@ -82,15 +82,16 @@ def follows(
         return False
     if len(t) == 0:
         return True
-    # One loop an array, by index, without early exit, in 32 bits: the compiler vectorises these and nothing else.
+    # One loop an array, by index, without early exit, in 32 bits: the compiler vectorises these and nothing else. What
+    # is negative, in arrays of signed integers, is far off the sensor as an unsigned one.
     room = np.int32(0)
     x_max, y_max, p_max = np.int32(width - 1), np.int32(height - 1), np.int32(1)
     for i in range(len(x)):
-        room = np.int32(room | np.int32(x[i]) | np.int32(x_max - np.int32(x[i])))
+        room = np.int32(room | np.int32(x_max - np.int32(np.uint16(x[i]))))
     for i in range(len(y)):
-        room = np.int32(room | np.int32(y[i]) | np.int32(y_max - np.int32(y[i])))
+        room = np.int32(room | np.int32(y_max - np.int32(np.uint16(y[i]))))
     for i in range(len(p)):
-        room = np.int32(room | np.int32(p[i]) | np.int32(p_max - np.int32(p[i])))
+        room = np.int32(room | np.int32(p_max - np.int32(np.uint8(p[i]))))
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
