@@ -5,7 +5,7 @@ from etd_ros.benchmarking.live import live, missing_ros
 from etd_ros.benchmarking.peers import missing_packages
 from etd_ros.benchmarking.report import COMPARED, LIVE, Report, Row, as_json, check_writable, table, write
 from etd_ros.benchmarking.scaling import scaling, scaling_png
-from etd_ros.benchmarking.streams import BenchmarkError
+from etd_ros.benchmarking.streams import RECORDINGS, BenchmarkError
 from etd_ros.benchmarking.tracker import tracker
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "FULL",
     "LIVE",
     "QUICK",
+    "RECORDINGS",
     "BenchmarkError",
     "Effort",
     "Report",

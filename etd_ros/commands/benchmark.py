@@ -17,6 +17,7 @@ from etd_ros.benchmarking import (
     FULL,
     LIVE,
     QUICK,
+    RECORDINGS,
     BenchmarkError,
     Effort,
     Report,
@@ -84,8 +85,8 @@ def run(options: argparse.Namespace) -> int:
     """
     effort = QUICK if options.quick else FULL
     if options.scaling is not None:
-        if options.json or options.write is not None:
-            msg = "--scaling draws curves instead of measuring the table: leave out --json and --write"
+        if options.json or options.write is not None or options.groups:
+            msg = "--scaling draws curves instead of measuring a table: leave out tables, --json and --write"
             raise BenchmarkError(msg)
         _draw_scaling(options.scaling, effort)
         return 0
@@ -142,11 +143,14 @@ def _data(folder: Path | None) -> Path | None:
     """The folder of recordings: the one named, the environment's, or the default one where it is there.
 
     Raises:
-        BenchmarkError: the folder named is none.
+        BenchmarkError: the folder named is none, or has no recording that is measured.
     """
     named = folder or (Path(os.environ[DATA_VARIABLE]) if os.environ.get(DATA_VARIABLE) else None)
     if named is not None and not named.is_dir():
         msg = f"{named}: no such folder of recordings: name another with --data or {DATA_VARIABLE}"
+        raise BenchmarkError(msg)
+    if named is not None and not any((named / path).exists() for path in RECORDINGS.values()):
+        msg = f"{named} holds none of the recordings that are measured: it lacks {', '.join(RECORDINGS.values())}"
         raise BenchmarkError(msg)
     return named or (DATA_DEFAULT if DATA_DEFAULT.is_dir() else None)
 

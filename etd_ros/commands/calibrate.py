@@ -22,6 +22,7 @@ from etd_ros.conversion import ConversionError
 from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
 from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.overlay import Picture
+from etd_ros.parameters import ParameterError
 from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
 from etd_ros.recordings import open_recording
 from etd_ros.settings import Settings
@@ -85,7 +86,11 @@ def run(options: argparse.Namespace) -> int:
         msg = f"{options.recording}: {err}"
         raise ConversionError(msg) from err
     # An interval that the nodes would refuse is refused here, before anything is written.
-    dataclasses.replace(settings.atsltd, nzge_interval=_rounded(calibration.interval))
+    try:
+        dataclasses.replace(settings.atsltd, nzge_interval=_rounded(calibration.interval))
+    except ParameterError as err:
+        msg = f"--significance {options.significance:g} gives no interval of NZGE: {err}"
+        raise ParameterError(msg) from err
     if sheet is not None:
         write_beside(options.sheet, sheet.png(name))
     if options.histogram is not None:

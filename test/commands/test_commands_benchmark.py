@@ -102,6 +102,14 @@ def test_a_folder_of_recordings_that_is_missing_is_refused(tmp_path, capsys):
     assert "none: no such folder of recordings" in capsys.readouterr().err
 
 
+def test_a_folder_without_any_of_the_recordings_is_refused(tmp_path, capsys):
+    assert main(["benchmark", "--quick", "--data", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1
+    assert f"{tmp_path} holds none of the recordings" in error
+    assert "slider_depth.bag" in error
+
+
 def test_outputs_are_refused_before_anything_is_measured(tmp_path, capsys):
     assert main(["benchmark", "--write", str(tmp_path)]) == 2
     assert "README.md" in capsys.readouterr().err
@@ -121,13 +129,13 @@ def test_a_plot_is_refused_before_anything_is_measured_and_leaves_nothing_behind
     assert list(tmp_path.parent.glob(f".{tmp_path.name}*")) == list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("option", [["--json"], ["--write", "."]])
+@pytest.mark.parametrize("option", [["--json"], ["--write", "."], ["tracker"]])
 def test_curves_are_not_drawn_beside_a_table(tmp_path, capsys, option):
-    assert main(["benchmark", "--quick", "--scaling", str(tmp_path / "curves.png"), *option]) == 2
+    assert main(["benchmark", *option, "--quick", "--scaling", str(tmp_path / "curves.png")]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert len(printed.err.splitlines()) == 1
-    assert "leave out --json and --write" in printed.err
+    assert "leave out tables, --json and --write" in printed.err
     assert list(tmp_path.iterdir()) == []
 
 

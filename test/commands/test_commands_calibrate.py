@@ -128,6 +128,7 @@ def test_too_few_samples_are_refused(capsys, place, demo):
 
 def test_an_interval_that_the_nodes_would_refuse_is_not_written(capsys, place, demo):
     line = refused(capsys, place, str(demo), "--samples", "20", "--significance", "1e-300", "--output", "a.yaml")
+    assert "--significance 1e-300" in line
     assert "nzge_interval" in line
 
 

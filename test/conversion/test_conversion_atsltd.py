@@ -364,9 +364,7 @@ def test_events_that_do_not_fit_are_refused_before_anything_is_done(events, mess
         ("t", np.zeros(1, np.int64), r"events.x is uint16 \(2,\), not uint16 \(1,\)"),
     ],
 )
-def test_arrays_that_are_not_those_of_events_are_refused_before_a_kernel_writes_where_they_point(
-    name, array, message
-):
+def test_arrays_that_are_not_those_of_events_are_refused_before_a_kernel_writes_where_they_point(name, array, message):
     events = dataclasses.replace(make_events([0, 1], [0, 0], [0, 0], [1, 1], 8, 8), **{name: array})
     with pytest.raises(ConversionError, match=message):
         AtsltdConverter(8, 8).convert(events)
