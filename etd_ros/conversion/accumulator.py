@@ -12,7 +12,7 @@ from etd_ros.conversion.batches import check_batch, check_size, earliest_ns, not
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
-from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, advance, check_and_advance, finish
+from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, VERIFIED, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -83,32 +83,36 @@ class FrameAccumulator:
             return 0, 0.0, 0
         if self._previous_ns is None:
             self.start_ns = int(events.t[0])
-        added, nzge, frame_events = check_and_advance(
-            self.store,
-            self.state,
-            *(events.t, events.x, events.y, events.p),
-            earliest_ns(self._previous_ns),
-            self.start_ns,
-            min_duration_ns,
-            max_duration_ns,
-            alpha,
-            check_stride,
-            self.data,
+        step = self._advance(
+            events, earliest_ns(self._previous_ns), 0, min_duration_ns, max_duration_ns, alpha, check_stride
         )
-        if added < 0:
+        if step[0] < 0:
             raise not_following(events, self._previous_ns)
         self._previous_ns = events.t.item(-1)
-        return added, nzge, frame_events
+        return step
 
     def advance(
         self, events: Events, first: int, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
     ) -> tuple[int, float, int]:
-        """Add events from `first` on until the frame reaches alpha; the arguments and what is returned are those of the
-        kernel."""
+        """Add events of an accepted batch from `first` on until the frame reaches alpha; the arguments and what is
+        returned are those of the kernel."""
+        return self._advance(events, VERIFIED, first, min_duration_ns, max_duration_ns, alpha, check_stride)
+
+    def _advance(
+        self,
+        events: Events,
+        follows_ns: int,
+        first: int,
+        min_duration_ns: int,
+        max_duration_ns: int,
+        alpha: float,
+        check_stride: int,
+    ) -> tuple[int, float, int]:
         return advance(
             self.store,
             self.state,
             *(events.t, events.x, events.y, events.p),
+            follows_ns,
             first,
             self.start_ns,
             min_duration_ns,

@@ -36,6 +36,9 @@ than one in so many of its events, or a stride: a check of all its cells that fa
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
 
+VERIFIED = 2**63 - 1
+"""Instead of a time that a batch may follow: it has been verified."""
+
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
 
@@ -136,33 +139,6 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
 
 
 @borrowing_kernel
-def check_and_advance(
-    store: CellStore,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    previous_ns: int,
-    start_ns: int,
-    min_duration_ns: int,
-    max_duration_ns: int,
-    alpha: float,
-    check_stride: int,
-    data: npt.NDArray[np.uint8],
-) -> tuple[int, float, int]:
-    """`advance` from the first event of a batch on, which has to follow an event at previous_ns; if it does not, -1, 0
-    and 0, and nothing is added.
-
-    One kernel, since many batches are so small that a call costs as much as their events.
-    """
-    cells = borrowed_cells(store)
-    if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), previous_ns):
-        return -1, 0.0, 0
-    return _advance(cells, state, t, x, y, p, 0, start_ns, min_duration_ns, max_duration_ns, alpha, check_stride, data)
-
-
-@borrowing_kernel
 def advance(
     store: CellStore,
     state: npt.NDArray[np.void],
@@ -170,6 +146,7 @@ def advance(
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
+    follows_ns: int,
     first: int,
     start_ns: int,
     min_duration_ns: int,
@@ -181,32 +158,16 @@ def advance(
     """Add events to the frame that started at start_ns until it reaches alpha, min_duration_ns later at the earliest,
     one comes later than max_duration_ns, or the batch is over.
 
+    The batch is verified before, as one that comes at follows_ns or later, unless that is `VERIFIED`: many batches are
+    so small that a call of its own for it would cost as much as their events.
+
     Returns:
-        The index of the first event not added; the NZGE that reached alpha and the number of the frame's events (the
-        frame is in data then, and the next one has begun), or 0 and 0.
+        The index of the first event not added, -1 for a batch of which none can be; the NZGE that reached alpha and the
+        number of the frame's events (the frame is in data then, and the next one has begun), or 0 and 0.
     """
-    return _advance(
-        borrowed_cells(store), state, t, x, y, p, first, start_ns, min_duration_ns, max_duration_ns, alpha,
-        check_stride, data,
-    )  # fmt: skip
-
-
-@kernel_part
-def _advance(
-    cells: CellMap,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: int,
-    start_ns: int,
-    min_duration_ns: int,
-    max_duration_ns: int,
-    alpha: float,
-    check_stride: int,
-    data: npt.NDArray[np.uint8],
-) -> tuple[int, float, int]:
+    cells = borrowed_cells(store)
+    if follows_ns != VERIFIED and not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), follows_ns):
+        return -1, 0.0, 0
     earliest_ns = start_ns + min_duration_ns
     stop = _first_after(t, first, start_ns + max_duration_ns)
     i = first
