@@ -112,7 +112,7 @@ class Evt3Decoder:
         columns = self._events.reserve_for_words(len(words), MASK_12_BITS)
         needed, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
         if needed:
-            columns = self._events.reserve_more(needed, len(words))
+            columns = self._events.reserve(needed)
             _, off_sensor, count, trigger_count, skipped = _decode(words, self._state, width, height, *columns)
         return columns, off_sensor, count, trigger_count, skipped
 

@@ -67,7 +67,7 @@ class LibcaerCmpDecoder:
         columns = self._events.reserve_for_words(len(words), MASK_8_BITS)
         needed, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
         if needed:
-            columns = self._events.reserve_more(needed, len(words))
+            columns = self._events.reserve(needed)
             _, off_sensor, count, skipped = _decode(words, time_base_ns, width, height, *columns)
         events = events_on_sensor(columns, count, off_sensor, width, height)
         return DecodedWords(events, Triggers.empty(), skipped, off_sensor)

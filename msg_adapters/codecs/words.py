@@ -132,7 +132,6 @@ class EventPool(ArrayPool):
 
     def __init__(self) -> None:
         super().__init__(np.int64, np.uint16, np.uint16, np.uint8)
-        self._events_per_word = 1
 
     def reserve(self, length: int) -> Arrays:
         """See `ArrayPool.reserve`.
@@ -146,23 +145,16 @@ class EventPool(ArrayPool):
         return super().reserve(length)
 
     def reserve_for_words(self, word_count: int, events_per_word_max: int) -> Arrays:
-        """Arrays that are long enough for this many words, or, where the words are many, if those have as many events
-        as the words before.
+        """Arrays that are long enough for this many words, or, where the words are many, if few of them have more than
+        one event.
 
-        Many words are not presumed to have more than one event each: then the memory would count, and a kernel that
-        is called again with longer arrays does not.
+        For many words the memory would count, and a kernel that is called again with longer arrays does not.
         """
         capacity = word_count * events_per_word_max + 1
         if capacity <= LENGTH_SHORT:
             # The usual case, without asking once more.
             return ArrayPool.reserve(self, capacity)
-        capacity = word_count * self._events_per_word + 1
-        return self.reserve(capacity if capacity <= LENGTH_SHORT else word_count + 1)
-
-    def reserve_more(self, capacity: int, word_count: int) -> Arrays:
-        """Arrays of at least `capacity` items, in place of some that were too short for these words."""
-        self._events_per_word = -(-capacity // word_count)
-        return self.reserve(capacity)
+        return self.reserve(word_count + 1)
 
 
 def trigger_columns(capacity: int) -> TriggerColumns:
