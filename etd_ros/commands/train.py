@@ -33,9 +33,15 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "(default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--cache", type=Path, required=True, help="folder of the simulated sequences; kept for later")
+    parser.add_argument("--weights", type=Path, help="train these further, instead of random ones (safetensors)")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="where to train (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="of the training on a CPU (default: %(default)s)")
+    parser.add_argument(
+        "--processes", type=int, default=1,
+        help="that simulate sequences beside the training; from 2 on as many others cut pairs for it, which a GPU "
+        "waits for otherwise (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--minutes", type=float, default=math.inf, help="end after this time, should the steps take longer"
     )
@@ -67,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     from etd_ros.recovery.training.video import VIDEO
 
     config = TrainingConfig(**{name: getattr(options, name) for name, _, _ in described(TrainingConfig)})
-    prepare(options.device, options.threads, options.minutes)
+    prepare(options.device, options.threads, options.minutes, options.processes)
     make_lesson, pictures = {"compact": (CompactLesson, RECONSTRUCTED), "siamfc": (SiamFcLesson, VIDEO)}[
         options.network
     ]
@@ -78,7 +84,10 @@ def run(options: argparse.Namespace) -> int:
         make_lesson=make_lesson,
         device=options.device,
         minutes=options.minutes,
+        processes=options.processes,
     )
+    if options.weights is not None:
+        training.start_from(options.weights)
     if options.resume:
         training.resume()
     console = Console(stderr=True)

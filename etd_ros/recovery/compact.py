@@ -24,8 +24,8 @@ FIRST_CENTER = STRIDE * KERNEL_CELLS / 2
 DEVIATION_MIN = 8.0
 """Grey levels: crops with less contrast are not amplified to full contrast, they hold mostly noise."""
 
-BACKBONE_WIDTH = 80
-BLOCKS = 5
+BACKBONE_WIDTH = 96
+BLOCKS = 8
 EXPANSION = 2
 WIDTH = 96
 LOG_RATIO_MAX = 1.5
@@ -33,6 +33,13 @@ LOG_RATIO_MAX = 1.5
 
 class Kernels(NamedTuple):
     """An exemplar as the network remembers it: float32, shape (n, WIDTH, KERNEL_CELLS, KERNEL_CELLS) each."""
+
+    score: Tensor
+    box: Tensor
+
+
+class Windows(NamedTuple):
+    """Windows as exemplars are compared with them: float32, shape (n, WIDTH, rows / 8, columns / 8) each."""
 
     score: Tensor
     box: Tensor
@@ -97,8 +104,11 @@ class _Branch(nn.Module):
         # Their correlation is a sum over the cells: a scale that keeps it near the window's own.
         return kernel / KERNEL_CELLS
 
-    def forward(self, kernel: Tensor, features: Tensor) -> Tensor:
-        window = self.window_neck(features)
+    def window(self, features: Tensor) -> Tensor:
+        window: Tensor = self.window_neck(features)
+        return window
+
+    def forward(self, kernel: Tensor, window: Tensor) -> Tensor:
         count, width, rows, columns = window.shape
         correlation = functional.conv2d(
             window.reshape(1, count * width, rows, columns),
@@ -148,13 +158,22 @@ class Compact(nn.Module):
         mask = target_mask(sizes)
         return Kernels(self.score.kernel(features, mask), self.box.kernel(features, mask))
 
-    def match(self, kernels: Kernels, features: Tensor) -> Response:
-        """The response of one exemplar with the features of one window, n times."""
-        logits = self.score(kernels.score, features)[:, 0]
-        return Response(logits, self.box(kernels.box, features))
+    def look(self, crops: Tensor) -> Windows:
+        """Windows, to be compared with any number of exemplars."""
+        features = self.features(crops)
+        return Windows(self.score.window(features), self.box.window(features))
+
+    def likeness(self, kernels: Kernels, windows: Windows) -> Tensor:
+        """The logits alone of one exemplar with one window, n times; shape (n, rows, columns)."""
+        logits: Tensor = self.score(kernels.score, windows.score)[:, 0]
+        return logits
+
+    def match(self, kernels: Kernels, windows: Windows) -> Response:
+        """The response of one exemplar with one window, n times."""
+        return Response(self.likeness(kernels, windows), self.box(kernels.box, windows.box))
 
     def forward(self, exemplars: Tensor, sizes: Tensor, windows: Tensor) -> Response:
-        return self.match(self.remember(exemplars, sizes), self.features(windows))
+        return self.match(self.remember(exemplars, sizes), self.look(windows))
 
 
 def target_mask(sizes: Tensor) -> Tensor:

@@ -32,6 +32,11 @@ class Found:
 class RecoveryTracker(Protocol):
     """Finds one target again after its tracking failed. One instance serves one target."""
 
+    @property
+    def has_lead(self) -> bool:
+        """Whether the last search saw what may be the target: images soon after decide, later ones may be of elsewhere."""
+        ...
+
     def remember(self, image: npt.NDArray[np.uint8], box: Box) -> None:
         """The target is seen here and its tracking is right. `image` is uint8, shape (h, w), and may be reused."""
         ...

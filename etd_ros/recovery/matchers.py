@@ -59,15 +59,21 @@ class CompactMatcher:
             sizes = torch.tensor([size], dtype=torch.float32)
             return _CompactTemplate(self._network.remember(_grey(exemplar), sizes), sizes)
 
-    def match(self, window: Picture, templates: Sequence[_CompactTemplate]) -> Answers:
+    def match(
+        self,
+        window: Picture,
+        templates: Sequence[_CompactTemplate],
+        distractors: Sequence[_CompactTemplate] = (),
+    ) -> Answers:
         with torch.inference_mode():
-            features = self._network.features(_grey(window))
-            responses = [self._network.match(template.kernels, features) for template in templates]
+            windows = self._network.look(_grey(window))
+            responses = [self._network.match(template.kernels, windows) for template in templates]
+            others = [self._network.likeness(distractor.kernels, windows) for distractor in distractors]
             boxes = [
                 compact.boxes_of(response.changes, template.size)
                 for response, template in zip(responses, templates, strict=True)
             ]
-            scores = torch.cat([response.logits for response in responses]).sigmoid()
+            scores = torch.cat([*(response.logits for response in responses), *others]).sigmoid()
             return Answers(scores.numpy(), torch.cat(boxes).numpy())
 
 
@@ -94,12 +100,17 @@ class SiamRpnMatcher:
         with torch.inference_mode():
             return self._network.remember(siamrpn.as_bgr(exemplar))
 
-    def match(self, window: Picture, templates: Sequence[siamrpn.Kernels]) -> Answers:
+    def match(
+        self, window: Picture, templates: Sequence[siamrpn.Kernels], distractors: Sequence[siamrpn.Kernels] = ()
+    ) -> Answers:
         with torch.inference_mode():
             features = self._network.window(siamrpn.as_bgr(window))
-            answers = [self._answer(*self._network.match(template, features), window.shape) for template in templates]
+            answers = [
+                self._answer(*self._network.match(template, features), window.shape)
+                for template in (*templates, *distractors)
+            ]
             scores, boxes = (torch.stack(parts).numpy() for parts in zip(*answers, strict=True))
-            return Answers(scores, boxes)
+            return Answers(scores, boxes[: len(templates)])
 
     def _answer(
         self, scores: torch.Tensor, changes: torch.Tensor, shape: tuple[int, ...]

@@ -41,10 +41,10 @@ class Answers(NamedTuple):
     """What a network says about the places of a window.
 
     Attributes:
-        scores: 0 to 1, of each template at each place, float32, shape (templates, rows, columns); or of each of its
-            anchors, shape (templates, anchors, rows, columns).
-        boxes: centre x, y, width, height on the window (pixels), float32, shape (templates, 4, rows, columns) or
-            (templates, 4, anchors, rows, columns).
+        scores: 0 to 1, of each template and then each distractor at each place, float32, shape (n, rows, columns); or
+            of each of its anchors, shape (n, anchors, rows, columns).
+        boxes: of the templates alone: centre x, y, width, height on the window (pixels), float32, shape (templates, 4,
+            rows, columns) or (templates, 4, anchors, rows, columns).
     """
 
     scores: npt.NDArray[np.float32]
@@ -60,8 +60,8 @@ class Matcher(Protocol):
         """What is remembered of a crop with the target of a size (w, h; pixels of the crop) in its middle."""
         ...
 
-    def match(self, window: Picture, templates: Sequence[Any]) -> Answers:
-        """Compare all places of a window, sides multiples of 8 pixels, with templates."""
+    def match(self, window: Picture, templates: Sequence[Any], distractors: Sequence[Any] = ()) -> Answers:
+        """Compare all places of a window, sides multiples of 8 pixels, with templates of targets and of distractors."""
         ...
 
 
@@ -100,9 +100,9 @@ class BackgroundMatcher(_Background[Matcher, Geometry]):
         """As `Matcher.template`; raises what the loading raised."""
         return self.ask(lambda matcher: matcher.template(exemplar, size))
 
-    def match(self, window: Picture, templates: Sequence[Any]) -> Answers:
+    def match(self, window: Picture, templates: Sequence[Any], distractors: Sequence[Any] = ()) -> Answers:
         """As `Matcher.match`; raises what the loading raised."""
-        return self.ask(lambda matcher: matcher.match(window, templates))
+        return self.ask(lambda matcher: matcher.match(window, templates, distractors))
 
 
 class BackgroundSiamFc(_Background[SiamFcNetwork, SiamFcGeometry]):

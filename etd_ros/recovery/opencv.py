@@ -132,6 +132,9 @@ class OpenCvRecovery:
     at each promising place, and their answer counts only if it looks like the target.
     """
 
+    has_lead = False
+    """Each search decides for itself."""
+
     def __init__(self, config: RecoveryConfig, make_tracker: Callable[[], Any]) -> None:
         self._config = config
         self._make_tracker = make_tracker

@@ -94,6 +94,11 @@ class SiameseRecovery:
         self._searches = 0
         self._agreeing: list[Box] = []
 
+    @property
+    def has_lead(self) -> bool:
+        """Whether the last search found something convincingly, which the next ones have to confirm."""
+        return bool(self._agreeing)
+
     def remember(self, image: GreyImage, box: Box) -> None:
         """Keep the target's appearance, once in `exemplar_interval` calls; `image` is uint8, shape (h, w).
 
@@ -155,7 +160,7 @@ class SiameseRecovery:
         crop = self._window(image, around.center)
         self._searches += 1
         distractors = [distractor.template for distractor in self._distractors]
-        answers = self._matcher.match(crop.pixels, [*self._templates, *distractors])
+        answers = self._matcher.match(crop.pixels, self._templates, distractors)
         return self._likeliest(answers, crop, image)
 
     def _view(self, image: GreyImage, box: Box) -> View:

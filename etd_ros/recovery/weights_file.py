@@ -17,7 +17,7 @@ from etd_ros.recovery.interface import RecoveryError
 
 WEIGHTS = Path(__file__).parent / "weights"
 SHIPPED = WEIGHTS / "compact.safetensors"
-COMPACT = "etd_ros compact 1"
+COMPACT = "etd_ros compact 2"
 """In a file's metadata: another layout of layers gets another number."""
 
 PICKLES_SAFE_FROM = "2.6"

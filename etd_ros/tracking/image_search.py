@@ -13,7 +13,8 @@ from etd_ros.tracking.target import FrameData, TargetState
 REMEMBER_NS = 25_000_000
 SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
 """After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
-answer counts from the next search on, however long it took."""
+answer counts from the next search on, however long it took. What may be the target is looked at again as soon as while
+it is recovering: several images have to agree on where it is, and it moves."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
@@ -47,8 +48,11 @@ class ImageSearch:
 
     def found(self, stamp_ns: int, image: FrameData | None, state: TargetState, last_box: Box) -> Found | None:
         """Have this image (uint8, shape (height, width)) searched if it is time; the answer to the one before."""
-        is_due = stamp_ns - self._searched_ns >= SEARCH_NS[state]
-        if self._recovery is None or image is None or not is_due or self._is_searching():
+        since_ns = stamp_ns - self._searched_ns
+        is_soon = since_ns < SEARCH_NS[TargetState.RECOVERING]
+        if self._recovery is None or image is None or is_soon or self._is_searching():
+            return None
+        if since_ns < SEARCH_NS[state] and not self._recovery.has_lead:
             return None
         answer = self._answer.result() if self._answer is not None and self._counts else None
         self._searched_ns = stamp_ns

@@ -235,7 +235,8 @@ class Target:
             self._frames_since_search = 0
         if self._state is TargetState.LOST:
             self._frames_since_search += 1
-            if self._frames_since_search < self._config.lost_search_interval:
+            is_confirming = self._recovery is not None and self._recovery.has_lead
+            if self._frames_since_search < self._config.lost_search_interval and not is_confirming:
                 return 0.0
         if self._recovery is None or image is None:
             return 0.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+import torch
+from safetensors.torch import load_file
 
 from etd_ros.cli import main
 from etd_ros.recovery import RecoveryConfig, make_recovery, making
@@ -28,6 +30,15 @@ def test_it_trains_goes_on_and_its_weights_serve_a_tracker(place):
     make_recovery(RecoveryConfig(tracker="compact", compact_model=str(place / "out" / "compact.safetensors")))()
 
 
+def test_weights_are_trained_further_on_request(place):
+    first = ["train", "--output", "first", "--cache", "cache", *TINY]
+    assert main(first) == 0
+    begun = ["--weights", "first/compact.safetensors", "--learning-rate", "1e-7"]
+    assert main(["train", "--output", "more", "--cache", "cache", *TINY, *begun]) == 0
+    before, after = (load_file(place / name / "compact.safetensors") for name in ("first", "more"))
+    torch.testing.assert_close(after["backbone.0.weight"], before["backbone.0.weight"], atol=1e-5, rtol=0)
+
+
 def test_siamfc_is_trained_on_request(place):
     assert main(["train", "--network", "siamfc", "--output", "out", "--cache", "cache", *TINY]) == 0
     weights = place / "out" / "siamfc.safetensors"
@@ -42,6 +53,8 @@ def test_siamfc_is_trained_on_request(place):
         (["--steps", "0"], "steps = 0 is out of range"),
         (["--minutes", "-1"], "more than 0 minutes"),
         (["--threads", "0"], "give 1 to"),
+        (["--processes", "0"], "give 1 to"),
+        (["--weights", "nowhere"], "no readable safetensors file"),
     ],
 )
 def test_bad_input_is_one_line(place, capsys, arguments, said):

@@ -69,7 +69,7 @@ class _Late:
     def template(self, exemplar, size):
         return threading.current_thread() is self.thread
 
-    def match(self, window, templates):
+    def match(self, window, templates, distractors=()):
         return Answers(np.zeros((len(templates), 1, 1), np.float32), np.zeros((len(templates), 4, 1, 1), np.float32))
 
 

@@ -28,6 +28,8 @@ def episode(*, returns: bool = True) -> Episode:
 class Answering:
     """Answers an image, whose number is its first pixel, with a shifted truth."""
 
+    has_lead = False
+
     def __init__(self, number: int, shift: float) -> None:
         self.number, self.shift = number, shift
         self.remembered: list[tuple[int, Box]] = []

@@ -15,7 +15,7 @@ from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.matchers import CompactMatcher, fused
 from etd_ros.recovery.matching import COMPACT_GEOMETRY, Answers
 from etd_ros.recovery.siamese import SiameseRecovery
-from etd_ros.recovery.weights_file import SHIPPED, load_compact, save_compact
+from etd_ros.recovery.weights_file import COMPACT, SHIPPED, load_compact, save_compact
 
 START = Box(60, 70, 40, 36)
 
@@ -51,6 +51,16 @@ def test_a_target_that_moved_is_found_when_it_comes_out(make, seed):
     assert searched(tracker, START) == [None] * 6
     moved = START._replace(x=100, y=76)
     assert_near(searched(tracker, START, (sprite, moved))[-1], moved)
+
+
+def test_what_is_seen_once_is_a_lead_until_it_is_gone(make):
+    sprite = texture(1, 40, 36)
+    tracker = after_a_loss(make, (sprite, START))
+    assert not tracker.has_lead
+    assert searched(tracker, START, (sprite, START._replace(x=100)), images=1) == [None]
+    assert tracker.has_lead
+    searched(tracker, START, images=1)
+    assert not tracker.has_lead
 
 
 def test_noise_and_even_pictures_are_refused(make):
@@ -170,9 +180,9 @@ def test_a_tiny_target_on_a_large_sensor_is_searched_in_windows_of_bounded_size(
         template = staticmethod(matcher.template)
 
         @staticmethod
-        def match(window, templates):
+        def match(window, templates, distractors=()):
             sizes.append(window.size)
-            return matcher.match(window, templates)
+            return matcher.match(window, templates, distractors)
 
     tracker._matcher = Watched()
     box = Box(600, 350, 12, 12)
@@ -230,11 +240,11 @@ def test_weights_of_other_shapes_and_types_are_refused(tmp_path):
 
     state = load_file(SHIPPED)
     path = tmp_path / "compact.safetensors"
-    save_file({**state, "backbone.0.weight": torch.zeros(9, 1, 3, 3)}, path, {"network": "etd_ros compact 1"})
+    save_file({**state, "backbone.0.weight": torch.zeros(9, 1, 3, 3)}, path, {"network": COMPACT})
     with pytest.raises(RecoveryError, match=r"backbone\.0\.weight has the shape \[9, 1, 3, 3\]"):
         load_compact(path)
     wide = {**state, "backbone.0.weight": state["backbone.0.weight"].double()}
-    save_file(wide, path, {"network": "etd_ros compact 1"})
+    save_file(wide, path, {"network": COMPACT})
     with pytest.raises(RecoveryError, match=r"backbone\.0\.weight is torch\.float64, not torch\.float32"):
         load_compact(path)
 
@@ -267,7 +277,7 @@ class _Overflowing:
     def template(self, exemplar, size):
         return None
 
-    def match(self, window, templates):
+    def match(self, window, templates, distractors=()):
         scores = np.full((len(templates), 2, 2), np.nan, np.float32)
         return Answers(scores, np.full((len(templates), 4, 2, 2), 30.0, np.float32))
 
@@ -295,6 +305,9 @@ def test_the_matcher_scores_every_template_at_every_place():
     assert answers.scores.shape == (3, 11, 15)
     assert answers.boxes.shape == (3, 4, 11, 15)
     assert ((answers.scores >= 0) & (answers.scores <= 1)).all()
+    with_distractors = matcher.match(texture(9, 160, 128), templates[:1], templates[1:])
+    np.testing.assert_array_equal(with_distractors.scores, answers.scores)
+    np.testing.assert_array_equal(with_distractors.boxes, answers.boxes[:1])
 
 
 def test_a_target_that_slid_behind_something_is_known_by_its_whole_self(make):

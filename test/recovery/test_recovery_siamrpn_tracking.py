@@ -208,6 +208,9 @@ def test_a_published_file_serves_a_tracker_with_all_anchors_on_colour_pictures(m
     answers = matcher.match(texture(1, 271, 271), [tracker._template])
     assert answers.scores.shape == (1, 5, 19, 19)
     assert answers.boxes.shape == (1, 4, 5, 19, 19)
+    with_distractor = matcher.match(texture(1, 271, 271), [tracker._template], [tracker._template])
+    np.testing.assert_array_equal(with_distractor.scores, answers.scores.repeat(2, 0))
+    np.testing.assert_array_equal(with_distractor.boxes, answers.boxes)
 
 
 def test_the_file_of_the_otb_benchmark_is_known_by_its_name(model, tmp_path):

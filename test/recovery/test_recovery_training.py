@@ -6,17 +6,19 @@ import csv
 import dataclasses
 import os
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from recovery_trainings import SHORT
 
+from etd_ros.recovery import RecoveryError
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.loop import Progress, Training, prepare
 from etd_ros.recovery.training.making import SequenceMaker
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
-from etd_ros.recovery.weights_file import load_compact
+from etd_ros.recovery.weights_file import SHIPPED, load_compact
 
 
 @pytest.fixture(autouse=True)
@@ -39,12 +41,39 @@ def run(training: Training, **options) -> list[Progress]:
 
 
 def test_a_short_training_lowers_the_loss_on_sequences_it_has_not_seen(training):
-    progress = run(training())
+    progress = run(training(config=dataclasses.replace(SHORT, interval=10)))
     assert [item.step for item in progress] == list(range(1, 61))
     figures = [item.figures for item in progress if item.figures is not None]
-    assert len(figures) == 2
+    assert len(figures) == 6
     assert progress[-1].loss < 0.7 * progress[0].loss
-    assert figures[1].loss < figures[0].loss
+    assert figures[-1].loss < 0.7 * figures[0].loss
+
+
+def test_pairs_that_other_processes_cut_teach_the_same(training):
+    alone, helped = training("alone"), training("helped", processes=2)
+    for each in (alone, helped):
+        run(each, until=3)
+    for name, value in alone.network.state_dict().items():
+        assert torch.equal(value, helped.network.state_dict()[name]), name
+
+
+def test_at_its_end_normalisations_keep_their_statistics(training):
+    settling = training(config=dataclasses.replace(SHORT, settled=0.5))
+    run(settling, until=31)
+    kept = {name: value.clone() for name, value in settling.network.state_dict().items()}
+    run(settling, until=35)
+    changed = {name for name, value in settling.network.state_dict().items() if not torch.equal(value, kept[name])}
+    assert not any("running" in name for name in changed)
+    assert any(name.endswith("weight") for name in changed)
+
+
+def test_shipped_weights_are_trained_further(training):
+    further = training()
+    further.start_from(SHIPPED)
+    shipped = load_compact().state_dict()
+    assert all(torch.equal(value, shipped[name]) for name, value in further.network.state_dict().items())
+    with pytest.raises(RecoveryError, match="no readable safetensors file"):
+        further.start_from(Path("nowhere.safetensors"))
 
 
 def test_going_on_from_a_checkpoint_is_the_same_as_not_stopping(training):
@@ -138,9 +167,9 @@ def test_impossible_devices_threads_and_times_are_refused():
     if not torch.cuda.is_available():
         with pytest.raises(TrainingError, match="torch finds no CUDA"):
             prepare("cuda", 1, 1.0)
-    for threads, minutes in ((0, 1.0), (1, 0.0), (1, float("nan"))):
-        with pytest.raises(TrainingError, match="threads for"):
-            prepare("cpu", threads, minutes)
+    for threads, minutes, processes in ((0, 1.0, 1), (1, 0.0, 1), (1, float("nan"), 1), (1, 1.0, 0), (1, 1.0, 9999)):
+        with pytest.raises(TrainingError, match="threads and"):
+            prepare("cpu", threads, minutes, processes)
 
 
 def test_folders_that_cannot_be_made_are_named(tmp_path, sequence_folder):

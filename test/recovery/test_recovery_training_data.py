@@ -8,10 +8,25 @@ import numpy as np
 import pytest
 import torch
 
-from etd_ros.recovery.compact import EXEMPLAR_SIDE, INSTANCE_SIDE, Response, boxes_of, place_centers, target_mask
+from etd_ros.recovery.compact import (
+    EXEMPLAR_SIDE,
+    INSTANCE_SIDE,
+    Compact,
+    Response,
+    boxes_of,
+    place_centers,
+    target_mask,
+)
 from etd_ros.recovery.training.config import AugmentationConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.loss import generalised_iou, intersection_over_union, labels_of, losses_of
+from etd_ros.recovery.training.loss import (
+    Comparison,
+    compare,
+    generalised_iou,
+    intersection_over_union,
+    labels_of,
+    losses_of,
+)
 from etd_ros.recovery.training.pairs import PairSampler
 from etd_ros.recovery.training.sequences import SequenceCache, simulated_sequence
 
@@ -127,10 +142,36 @@ def test_right_answers_cost_next_to_nothing_and_wrong_ones_much():
     assert torch.allclose(boxes_of(changes, sizes)[0, :, 0, 0], boxes[0])
     right = torch.where(labels.positive, 12.0, -12.0)
     none = torch.full_like(right, -12.0)
-    good = losses_of(Response(right, changes), none, sizes, boxes, visible)
-    bad = losses_of(Response(-right, changes + 3), -none, sizes, boxes, visible)
+    good = losses_of(Comparison(Response(right, changes), none[None]), sizes, boxes, visible)
+    bad = losses_of(Comparison(Response(-right, changes + 3), -none[None]), sizes, boxes, visible)
     assert float(good.total) < 0.01
     assert all(float(part) > 0.3 for part in bad)
+
+
+@pytest.mark.parametrize(("pairs", "others"), [(2, 1), (3, 2), (8, 4)])
+def test_each_exemplar_is_compared_with_its_own_window_and_with_others(pairs, others):
+    torch.manual_seed(0)
+    network = Compact().eval()
+    exemplars, windows = 255 * torch.rand(pairs, 1, 64, 64), 255 * torch.rand(pairs, 1, 128, 128)
+    sizes = torch.full((pairs, 2), 32.0)
+    with torch.inference_mode():
+        response, logits = compare(network, exemplars, sizes, windows)
+        alone = network(exemplars, sizes, windows)
+        torch.testing.assert_close(response, alone)
+        assert len(logits) == others
+        swapped = network(exemplars.roll(1, 0), sizes, windows)
+        torch.testing.assert_close(logits[0], swapped.logits)
+
+
+def test_what_others_have_in_common_is_not_normalised_away():
+    """The normalisation of a batch of its own would tell the network that the target is in none of its windows."""
+    torch.manual_seed(0)
+    network = Compact().train()
+    seen = []
+    network.score.head[1].register_forward_hook(lambda _, inputs, __: seen.append(len(inputs[0])))
+    exemplars, windows = 255 * torch.rand(6, 1, 64, 64), 255 * torch.rand(6, 1, 128, 128)
+    compare(network, exemplars, torch.full((6, 2), 32.0), windows)
+    assert seen == [30]
 
 
 def test_the_mask_is_the_share_of_each_cell_under_the_box():

@@ -93,7 +93,7 @@ def test_what_moves_fast_is_blurred_by_the_exposure():
 
 
 def test_windows_follow_the_size_of_the_target(video_cache):
-    config = dataclasses.replace(SiamFcLesson(video_cache, torch.device("cpu"))._sampler._config, scale=0.0)
+    config = dataclasses.replace(SiamFcLesson(video_cache, torch.device("cpu")).sampler._config, scale=0.0)
     sampler = PairSampler(video_cache.sequence, dataclasses.replace(config, shift_px=0.0, box_noise=0.0), CROPS)
     batch = sampler.batch(np.random.default_rng(0), np.arange(4), 16)
     assert batch.exemplars.shape == (16, 63, 63)

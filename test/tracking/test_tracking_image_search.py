@@ -23,6 +23,7 @@ class SlowRecovery:
         self.may_answer = threading.Event()
         self.searches = 0
         self.remembered = []
+        self.has_lead = False
 
     def remember(self, image, box):
         self.remembered.append(box)
@@ -68,6 +69,23 @@ def test_who_must_not_wait_goes_on_and_asks_nothing_else_meanwhile(recovery):
     end_of_search(images)
     assert recovery.searches == 1
     assert images.found(6 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) == Found(BOX, 0.9)
+
+
+def test_what_may_be_a_lost_target_is_looked_at_again_soon(recovery):
+    images = ImageSearch(recovery, math.inf)
+    recovery.may_answer.set()
+    recovery.search = lambda *_: None
+    lost_ns = SEARCH_NS[TargetState.LOST]
+    images.begin(0)
+    images.found(lost_ns, IMAGE, TargetState.LOST, BOX)
+    searched = []
+    recovery.search = lambda *_: searched.append(True)
+    images.found(lost_ns + DUE_NS, IMAGE, TargetState.LOST, BOX)
+    assert not searched
+    recovery.has_lead = True
+    images.found(lost_ns + DUE_NS, IMAGE, TargetState.LOST, BOX)
+    end_of_search(images)
+    assert searched
 
 
 def test_nothing_is_remembered_while_an_image_is_searched(recovery):

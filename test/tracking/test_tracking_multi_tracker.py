@@ -22,6 +22,8 @@ IDLE, TRACKING, RECOVERING, LOST = TargetState
 class ListedRecovery:
     """A recovery tracker that answers from a list and notes what it was asked."""
 
+    has_lead = False
+
     def __init__(self, answers=()):
         self.answers = list(answers)
         self.remembered = []
@@ -142,6 +144,18 @@ def test_a_target_not_found_for_long_is_lost_and_searched_now_and_then():
         searches.append(len(recovery.searched))
     assert states == [RECOVERING] * 3 + [LOST] * 7
     assert np.diff(searches).tolist() == [1, 1, 0, 0, 1, 0, 0, 1, 0]
+
+
+def test_what_may_be_a_lost_target_is_looked_at_again_on_the_next_frame():
+    recovery = ListedRecovery()
+    tracker = tracker_with(recovery, recovering_max_s=0.0, lost_search_interval=5)
+    tracker.start("a", A)
+    searches = []
+    for step in range(9):
+        recovery.has_lead = step == 6
+        tracker.update(stamp(step), EMPTY, IMAGE)
+        searches.append(len(recovery.searched))
+    assert searches == [1, 1, 1, 1, 1, 2, 3, 3, 3]
 
 
 def test_a_lost_target_is_found_again():

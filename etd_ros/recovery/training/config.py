@@ -18,6 +18,13 @@ class TrainingConfig(Parameters):
     learning_rate: float = parameter(0.002, "largest step size of AdamW", low=1e-7, high=1.0)
     weight_decay: float = parameter(0.02, "weight decay of AdamW", low=0.0, high=1.0)
     warm_up_steps: int = parameter(300, "steps over which the step size rises", low=0, high=1_000_000)
+    settled: float = parameter(
+        0.3,
+        "share of the training at its end in which batch normalisations keep their statistics, so that what is trained "
+        "is what runs",
+        low=0.0,
+        high=1.0,
+    )
     sequences: int = parameter(2000, "simulated sequences in the cache, 4 MB each", low=1, high=SEQUENCES_MAX)
     first_sequences: int = parameter(60, "sequences that are made before the first step", low=1, high=SEQUENCES_MAX)
     steps_per_sequence: int = parameter(

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
 from torch import Tensor, nn
+
+from etd_ros.recovery.training.pairs import Batch, PairSampler
 
 
 class Losses(Protocol):
@@ -42,9 +42,11 @@ class Lesson(Protocol):
 
     Attributes:
         name: the network's; its weights are kept in `<name>.safetensors`.
+        sampler: draws its pairs; may be handed to other processes.
     """
 
     name: str
+    sampler: PairSampler
 
     @property
     def loss_names(self) -> tuple[str, ...]:
@@ -56,8 +58,8 @@ class Lesson(Protocol):
         """On the training's device."""
         ...
 
-    def batch(self, rng: np.random.Generator, seeds: npt.NDArray[np.int64], count: int) -> Any:
-        """`count` pairs from the sequences of `seeds`, on the device; `rng` decides everything."""
+    def tensors(self, batch: Batch) -> Any:
+        """A batch as the network takes it, on the device."""
         ...
 
     def losses(self, batch: Any) -> Losses:
@@ -66,6 +68,14 @@ class Lesson(Protocol):
 
     def validate(self, batches: Sequence[Any]) -> Figures:
         """Figures over batches that it was not trained on; the network is in training mode again afterwards."""
+        ...
+
+    def load(self, path: Path) -> None:
+        """Take the weights of a file.
+
+        Raises:
+            RecoveryError: no readable weights of this network.
+        """
         ...
 
     def save(self, path: Path, about: Mapping[str, str]) -> None:

@@ -19,30 +19,36 @@ from etd_ros.recovery.training.compact_lesson import CompactLesson
 from etd_ros.recovery.training.config import TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.lesson import Figures, Lesson
-from etd_ros.recovery.training.making import SequenceMaker
+from etd_ros.recovery.training.making import PairCutter, SequenceMaker
+from etd_ros.recovery.training.pairs import Batch
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.validation import memory_format_of
 from etd_ros.recovery.weights_file import load_pickle
 
 CHECKPOINT_NAME, LOG_NAME = "checkpoint.pt", "log.csv"
-TRAINING_STREAM, VALIDATION_STREAM = 5, 6
+VALIDATION_STREAM = 6
 GRADIENT_MAX = 5.0
 THREADS_MAX = 1024
 AVERAGED_STEPS = 50
 
 
-def prepare(device: str, threads: int, minutes: float) -> None:
+def prepare(device: str, threads: int, minutes: float, processes: int = 1) -> None:
     """Check what the training is to run on, and give torch and OpenCV their threads.
 
     Raises:
-        TrainingError: no such device here, or an impossible number of threads or minutes.
+        TrainingError: no such device here, or an impossible number of threads, processes or minutes.
     """
     if device == "cuda" and not torch.cuda.is_available():
         msg = "device 'cuda': torch finds no CUDA here; install a CUDA build of torch, or train with --device cpu"
         raise TrainingError(msg)
-    if not 1 <= threads <= THREADS_MAX or not minutes > 0:
-        msg = f"{threads} threads for {minutes:g} minutes: give 1 to {THREADS_MAX} threads and more than 0 minutes"
+    if not 1 <= min(threads, processes) <= max(threads, processes) <= THREADS_MAX or not minutes > 0:
+        msg = (
+            f"{threads} threads and {processes} processes for {minutes:g} minutes: give 1 to {THREADS_MAX} of each and "
+            "more than 0 minutes"
+        )
         raise TrainingError(msg)
     torch.set_num_threads(threads)
+    torch.backends.cudnn.benchmark = torch.backends.cudnn.allow_tf32 = torch.backends.cuda.matmul.allow_tf32 = True
     cv2.setNumThreads(threads)
 
 
@@ -67,6 +73,8 @@ class Training:
         make_lesson: of a cache and a device, what is trained, from random weights.
         device: where it runs.
         minutes: the step size falls so that it ends after this time, or the steps, whichever comes first.
+        processes: that simulate sequences; from 2 on as many others cut the pairs, which a GPU waits for otherwise.
+            The weights do not depend on it.
     """
 
     def __init__(
@@ -78,14 +86,14 @@ class Training:
         make_lesson: Callable[[SequenceCache, torch.device], Lesson] = CompactLesson,
         device: str = "cpu",
         minutes: float = math.inf,
+        processes: int = 1,
     ) -> None:
-        self._config, self._cache, self._output = config, cache, output
+        self._config, self._cache, self._output, self._processes = config, cache, output, processes
         self._device, self._limit_s = torch.device(device), 60 * minutes
         torch.manual_seed(config.seed)
         self._lesson = make_lesson(cache, self._device)
         self.network = self._lesson.network
-        # A third less time for a step on a CPU.
-        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network.to(memory_format=memory_format_of(self._device))  # type: ignore[call-overload]
         self._optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
@@ -95,6 +103,14 @@ class Training:
         except OSError as err:
             msg = f"{output}: no folder for the results ({err.strerror or err}): name one that you may write"
             raise TrainingError(msg) from err
+
+    def start_from(self, path: Path) -> None:
+        """Train the weights of a file further.
+
+        Raises:
+            RecoveryError: no readable weights of this network.
+        """
+        self._lesson.load(path)
 
     def resume(self) -> None:
         """Go on from the checkpoint in the output folder.
@@ -126,16 +142,15 @@ class Training:
         """
         config = self._config
         last = min(config.steps, config.steps if until is None else until)
-        maker = SequenceMaker(self._cache, config)
+        maker = SequenceMaker(self._cache, config, self._processes)
         started = time.monotonic() - self._before_s
         averages: list[tuple[float, ...]] = []
         try:
             validation = self._validation(maker)
-            is_over = self.step >= last
-            while not is_over:
-                maker.wait_for(config.pool(self.step))
+            cutter = PairCutter(self._lesson.sampler, config)
+            for batch in cutter.batches(maker.steps(self.step, last), self._processes):
                 share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
-                losses = self._take_step(share)
+                losses = self._take_step(batch, share)
                 averages = [*averages[1 - AVERAGED_STEPS :], losses]
                 self.step += 1
                 is_over = self.step == last or time.monotonic() - started >= self._limit_s
@@ -144,16 +159,19 @@ class Training:
                     figures = self._lesson.validate(validation)
                     self._save(time.monotonic() - started, averages, figures)
                 watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
+                if is_over:
+                    break
         finally:
             maker.stop()
 
-    def _take_step(self, share: float) -> tuple[float, ...]:
-        config = self._config
-        rng = np.random.default_rng([TRAINING_STREAM, config.seed, self.step])
-        batch = self._lesson.batch(rng, np.arange(config.pool(self.step)), config.batch)
+    def _take_step(self, batch: Batch, share: float) -> tuple[float, ...]:
+        if share >= 1 - self._config.settled:
+            for module in self.network.modules():
+                if isinstance(module, torch.nn.BatchNorm2d):
+                    module.eval()
         for group in self._optimiser.param_groups:
             group["lr"] = self._learning_rate(share)
-        losses = self._lesson.losses(batch)
+        losses = self._lesson.losses(self._lesson.tensors(batch))
         if not bool(torch.isfinite(losses.total)):
             msg = f"the loss is not finite at step {self.step}: train anew with a smaller learning_rate"
             raise TrainingError(msg)
@@ -171,10 +189,8 @@ class Training:
         config = self._config
         maker.wait_for_validation()
         seeds = VALIDATION_SEEDS + np.arange(config.validation_sequences)
-        return [
-            self._lesson.batch(np.random.default_rng([VALIDATION_STREAM, number]), seeds, config.batch)
-            for number in range(config.validation_batches)
-        ]
+        rngs = [np.random.default_rng([VALIDATION_STREAM, number]) for number in range(config.validation_batches)]
+        return [self._lesson.tensors(self._lesson.sampler.batch(rng, seeds, config.batch)) for rng in rngs]
 
     def _described(self) -> dict[str, Any]:
         """What a checkpoint must have been made with to go on from it."""

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from etd_ros.recovery.compact import Response, boxes_of, place_centers
+from etd_ros.recovery.compact import Compact, Response, boxes_of, place_centers
 from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN
 
 POSITIVE_SHARE = 0.25
@@ -19,6 +19,8 @@ FOCAL_POWER = 2.0
 NEGATIVE_WEIGHT = 0.75
 BOX_WEIGHT = 1.2
 OTHER_WEIGHT = 0.5
+OTHERS = 4
+"""Windows of other pairs that each exemplar is compared with: negative pairs for the price of a correlation."""
 
 
 class Labels(NamedTuple):
@@ -66,16 +68,42 @@ def labels_of(boxes: Tensor, visible: Tensor, rows: int, columns: int) -> Labels
     return Labels(positive, (farther > NEGATIVE_SHARE) | hidden)
 
 
-def losses_of(response: Response, others: Tensor, sizes: Tensor, boxes: Tensor, visible: Tensor) -> Losses:
+class Comparison(NamedTuple):
+    """What the network says about a batch.
+
+    Attributes:
+        response: to each pair.
+        others: logits of exemplars in the windows of pairs after theirs, which are of other sequences, shape (k, n,
+            rows, columns); k = 4 where there are as many.
+    """
+
+    response: Response
+    others: Tensor
+
+
+def compare(network: Compact, exemplars: Tensor, sizes: Tensor, windows: Tensor) -> Comparison:
+    """Each exemplar with its own window and with those of other pairs.
+
+    All in one run: a batch of its own for the others would be normalised by itself, and what they have in common, that
+    the target is not there, be taken off.
+    """
+    kernels, seen = network.remember(exemplars, sizes), network.look(windows)
+    shifts = range(max(2, min(OTHERS + 1, len(exemplars))))
+    rolled = torch.cat([kernels.score.roll(shift, 0) for shift in shifts])
+    logits = network.score(rolled, seen.score.repeat(len(shifts), 1, 1, 1))[:, 0].unflatten(0, (len(shifts), -1))
+    return Comparison(Response(logits[0], network.box(kernels.box, seen.box)), logits[1:])
+
+
+def losses_of(comparison: Comparison, sizes: Tensor, boxes: Tensor, visible: Tensor) -> Losses:
     """The parts of the loss.
 
     Args:
-        response: to each pair.
-        others: logits where exemplars were matched with the windows of other pairs, shape (n, rows, columns).
+        comparison: of the pairs.
         sizes: as in `Batch`.
         boxes: as in `Batch`.
         visible: as in `Batch`.
     """
+    response, others = comparison
     rows, columns = response.logits.shape[-2:]
     labels = labels_of(boxes, visible, rows, columns)
     count = labels.positive.sum().clamp(min=1)
@@ -83,7 +111,7 @@ def losses_of(response: Response, others: Tensor, sizes: Tensor, boxes: Tensor, 
     found = -functional.logsigmoid(response.logits) * (1 - probability) ** FOCAL_POWER
     refused = -functional.logsigmoid(-response.logits) * probability**FOCAL_POWER
     score = ((found * labels.positive).sum() + NEGATIVE_WEIGHT * (refused * labels.negative).sum()) / count
-    other = (-functional.logsigmoid(-others) * others.sigmoid() ** FOCAL_POWER).sum() / count
+    other = (-functional.logsigmoid(-others) * others.sigmoid() ** FOCAL_POWER).sum() / (len(others) * count)
     predicted = boxes_of(response.changes, sizes)
     overlap = generalised_iou(predicted, boxes[:, :, None, None].expand_as(predicted))
     box = ((1 - overlap) * labels.positive).sum() / count

@@ -1,36 +1,54 @@
-"""Sequences made by a process of their own while the training goes on."""
+"""Sequences made, and pairs cut from them, by other processes while the training goes on."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import time
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 from typing import Any
+
+import cv2
+import numpy as np
+from torch.utils.data import DataLoader, Dataset
 
 from etd_ros.recovery.training.config import TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, Pictures, SequenceCache
+from etd_ros.recovery.training.pairs import Batch, PairSampler
+from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
 
 WAIT_S = 0.2
+TRAINING_STREAM = 5
+"""Beside the seed and the step: of no other choice."""
+BATCHES_AHEAD = 4
+"""Of each process that cuts pairs."""
 NICENESS = 10
 """The training goes first where they share a core: it waits for sequences only where it has none to draw from."""
 
 
 class SequenceMaker:
-    """A process that simulates the sequences, in the order in which they are needed."""
+    """Processes that simulate the sequences, in the order in which they are needed.
 
-    def __init__(self, cache: SequenceCache, config: TrainingConfig) -> None:
-        self._cache, self._ready = cache, 0
+    Args:
+        cache: where to.
+        config: says which are needed.
+        processes: how many.
+    """
+
+    def __init__(self, cache: SequenceCache, config: TrainingConfig, processes: int = 1) -> None:
+        self._cache, self._config, self._ready = cache, config, 0
         training = range(config.sequences)
         self._validation = range(VALIDATION_SEEDS, VALIDATION_SEEDS + config.validation_sequences)
         seeds = [*self._validation, *training]
-        self._process: Any = None
-        if missing := [seed for seed in seeds if not cache.has(seed)]:
-            # A process that starts afresh: threads of torch and OpenCV do not survive a fork.
-            context = multiprocessing.get_context("spawn")
-            self._process = context.Process(target=_make, args=(cache.folder, cache.pictures, missing), daemon=True)
-            self._process.start()
+        missing = [seed for seed in seeds if not cache.has(seed)]
+        # Processes that start afresh: threads of torch and OpenCV do not survive a fork.
+        context = multiprocessing.get_context("spawn")
+        self._processes = [
+            context.Process(target=_make, args=(cache, missing[index::processes]), daemon=True)
+            for index in range(min(processes, len(missing)))
+        ]
+        for process in self._processes:
+            process.start()
 
     def wait_for_validation(self) -> None:
         for seed in self._validation:
@@ -46,25 +64,76 @@ class SequenceMaker:
             self._wait(self._ready)
             self._ready += 1
 
+    def steps(self, first: int, last: int) -> Iterator[int]:
+        """The numbers of the steps from `first` to before `last`, each once its sequences are there."""
+        for step in range(first, last):
+            self.wait_for(self._config.pool(step))
+            yield step
+
     def stop(self) -> None:
-        if self._process is not None:
-            self._process.terminate()
-            self._process.join()
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            process.join()
 
     def _wait(self, seed: int) -> None:
         while not self._cache.has(seed):
-            if self._process is None or not self._process.is_alive():
+            if not self._is_coming():
                 if self._cache.has(seed):
                     return
                 msg = f"sequence {seed} was not simulated: see the error above, and go on with --resume"
                 raise TrainingError(msg)
             time.sleep(WAIT_S)
 
+    def _is_coming(self) -> bool:
+        """Whether all processes that have not ended well go on."""
+        return any(process.is_alive() for process in self._processes) and not any(
+            process.exitcode for process in self._processes
+        )
 
-def _make(folder: Path, pictures: Pictures, seeds: list[int]) -> None:
+
+class PairCutter(Dataset[Batch]):
+    """The batches of a training by the number of their step, each decided by the seed and that number.
+
+    Args:
+        sampler: cuts the pairs.
+        config: says how many, from which sequences.
+    """
+
+    def __init__(self, sampler: PairSampler, config: TrainingConfig) -> None:
+        self._sampler, self._config = sampler, config
+
+    def __getitem__(self, step: int) -> Batch:
+        rng = np.random.default_rng([TRAINING_STREAM, self._config.seed, step])
+        return self._sampler.batch(rng, np.arange(self._config.pool(step)), self._config.batch)
+
+    def batches(self, steps: Iterable[int], processes: int) -> Iterable[Batch]:
+        """The batches of `steps` in their order, cut ahead by so many processes; by this one where it is one."""
+        if processes == 1:
+            return map(self.__getitem__, steps)
+        return DataLoader(
+            self,
+            batch_size=None,
+            sampler=steps,
+            num_workers=processes,
+            collate_fn=_as_it_is,
+            prefetch_factor=BATCHES_AHEAD,
+            multiprocessing_context="spawn",
+            worker_init_fn=_begin_cutting,
+        )
+
+
+def _as_it_is(batch: Any) -> Any:
+    return batch
+
+
+def _begin_cutting(_: int) -> None:
+    cv2.setNumThreads(1)
+
+
+def _make(cache: SequenceCache, seeds: list[int]) -> None:
     os.nice(NICENESS)
     training = os.getppid()
-    cache = SequenceCache(folder, pictures)
     for seed in seeds:
         # A training that was killed cannot end its processes.
         if os.getppid() != training:

@@ -117,6 +117,10 @@ class SequenceCache:
             msg = f"{folder}: no folder for the cache ({err.strerror or err}): name one that you may write"
             raise TrainingError(msg) from err
 
+    def __reduce__(self) -> tuple[type[SequenceCache], tuple[Path, Pictures]]:
+        """Another process opens the files itself."""
+        return SequenceCache, (self.folder, self.pictures)
+
     def has(self, seed: int) -> bool:
         """Whether a sequence has been made."""
         return seed in self._open or self._boxes_path(seed).is_file()

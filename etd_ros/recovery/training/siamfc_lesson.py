@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from etd_ros.recovery.siamfc import SMALL, SiamFc, save_small
+from etd_ros.recovery.siamfc import SIAMFC, SMALL, SiamFc, save_small
 from etd_ros.recovery.siamfc_tracking import SMALL_GEOMETRY
 from etd_ros.recovery.training.config import AugmentationConfig
-from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Crops, PairSampler
+from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Batch, Crops, PairSampler
 from etd_ros.recovery.training.sequences import SequenceCache
 from etd_ros.recovery.training.validation import Tensors, tensors_of
+from etd_ros.recovery.weights_file import load_weights
 
 CROPS = Crops(SMALL_GEOMETRY.exemplar_side, SMALL_GEOMETRY.instance_side, follows_size=True)
 AUGMENTATION = AugmentationConfig(shift_px=24.0, scale=0.05, box_noise=0.04, elsewhere=0.0)
@@ -67,10 +67,10 @@ class SiamFcLesson:
     def __init__(self, cache: SequenceCache, device: torch.device) -> None:
         self.network = SiamFc(SMALL).to(device)
         self._device = device
-        self._sampler = PairSampler(cache.sequence, AUGMENTATION, CROPS)
+        self.sampler = PairSampler(cache.sequence, AUGMENTATION, CROPS)
 
-    def batch(self, rng: np.random.Generator, seeds: npt.NDArray[np.int64], count: int) -> Tensors:
-        return tensors_of(self._sampler.batch(rng, seeds, count), self._device)
+    def tensors(self, batch: Batch) -> Tensors:
+        return tensors_of(batch, self._device)
 
     def losses(self, batch: Tensors) -> Loss:
         logits = self.network(batch.exemplars, batch.windows)
@@ -87,6 +87,9 @@ class SiamFcLesson:
             float(errors.mean()) if len(errors) else 0.0,
             float((errors <= RADIUS_CELLS).float().mean()) if len(errors) else 0.0,
         )
+
+    def load(self, path: Path) -> None:
+        load_weights(self.network, SIAMFC, path)
 
     def save(self, path: Path, about: Mapping[str, str]) -> None:
         save_small(self.network, path, about)

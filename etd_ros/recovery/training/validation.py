@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from etd_ros.recovery.compact import INSTANCE_SIDE, Compact, boxes_of
-from etd_ros.recovery.training.loss import intersection_over_union, losses_of
+from etd_ros.recovery.training.loss import compare, intersection_over_union, losses_of
 from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Batch
 
 FALSE_ALARM_SHARE = 0.01
@@ -51,9 +51,14 @@ class Tensors(NamedTuple):
 def tensors_of(batch: Batch, device: torch.device) -> Tensors:
     """The batch as the network takes it."""
     exemplars, sizes, windows, boxes, visible = (torch.from_numpy(array).to(device) for array in batch)
-    # Channels last: a third less time for a step on a CPU.
-    crops = (crop[:, None].float().contiguous(memory_format=torch.channels_last) for crop in (exemplars, windows))
+    memory_format = memory_format_of(device)
+    crops = (crop[:, None].float().contiguous(memory_format=memory_format) for crop in (exemplars, windows))
     return Tensors(next(crops), sizes, next(crops), boxes, visible)
+
+
+def memory_format_of(device: torch.device) -> torch.memory_format:
+    """Channels last are a third less time for a step on a CPU, and a half more on a GPU."""
+    return torch.channels_last if device.type == "cpu" else torch.contiguous_format
 
 
 def validate(network: Compact, batches: Items[Tensors]) -> Figures:
@@ -78,10 +83,9 @@ def validate(network: Compact, batches: Items[Tensors]) -> Figures:
 
 def _answers(network: Compact, batch: Tensors) -> tuple[float, npt.NDArray[np.float32]]:
     """The loss, and of each pair: best score, IoU of its box, whether the target is seen, whether it is not there."""
-    kernels, features = network.remember(batch.exemplars, batch.sizes), network.features(batch.windows)
-    response = network.match(kernels, features)
-    others = network.score(kernels.score.roll(1, 0), features)[:, 0]
-    loss = losses_of(response, others, batch.sizes, batch.boxes, batch.visible).total
+    comparison = compare(network, batch.exemplars, batch.sizes, batch.windows)
+    response = comparison.response
+    loss = losses_of(comparison, batch.sizes, batch.boxes, batch.visible).total
     best = response.logits.flatten(1).argmax(1)
     boxes = boxes_of(response.changes, batch.sizes).flatten(2)
     chosen = boxes.gather(2, best[:, None, None].expand(-1, 4, 1))
