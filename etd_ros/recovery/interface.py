@@ -34,7 +34,7 @@ class RecoveryTracker(Protocol):
 
     @property
     def has_lead(self) -> bool:
-        """Whether the last search saw what may be the target: images soon after decide, later ones may be of elsewhere."""
+        """Whether the last search saw what may be the target, which images soon after it have to confirm."""
         ...
 
     def remember(self, image: npt.NDArray[np.uint8], box: Box) -> None:
