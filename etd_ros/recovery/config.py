@@ -23,7 +23,7 @@ class RecoveryConfig(Parameters):
         choices=(AUTO, *NETWORKS, *OPENCV_TRACKERS),
     )
     network_score_min: float = parameter(
-        0.45,
+        0.55,
         "compact, siamrpn: smallest score, distractors taken off, that counts as found: lower finds sooner, and wrong "
         "ones",
         low=0.0,
