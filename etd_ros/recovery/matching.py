@@ -17,7 +17,7 @@ Network = TypeVar("Network")
 Crops = TypeVar("Crops")
 Result = TypeVar("Result")
 
-WINDOW_PIXELS_MAX = 272 * 272
+WINDOW_PIXELS_MAX = 224 * 224
 
 
 class Geometry(NamedTuple):
