@@ -33,8 +33,9 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "(default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--cache", type=Path, required=True, help="folder of the simulated sequences; kept for later")
-    parser.add_argument("--weights", type=Path, help="train these further, instead of random ones (safetensors)")
-    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
+    start = parser.add_mutually_exclusive_group()
+    start.add_argument("--weights", type=Path, help="train these further, instead of random ones (safetensors)")
+    start.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="where to train (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="of the training on a CPU (default: %(default)s)")
     parser.add_argument(

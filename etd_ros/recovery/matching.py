@@ -17,8 +17,6 @@ Network = TypeVar("Network")
 Crops = TypeVar("Crops")
 Result = TypeVar("Result")
 
-WINDOW_PIXELS_MAX = 224 * 224
-
 
 class Geometry(NamedTuple):
     """What crops a network takes.
@@ -31,10 +29,10 @@ class Geometry(NamedTuple):
 
     exemplar_side: int
     margin: int
-    window_pixels_max: int = WINDOW_PIXELS_MAX
+    window_pixels_max: int
 
 
-COMPACT_GEOMETRY, SIAMRPN_GEOMETRY = Geometry(64, 24), Geometry(127, 64)
+COMPACT_GEOMETRY, SIAMRPN_GEOMETRY = Geometry(64, 24, 224 * 224), Geometry(127, 64, 272 * 272)
 
 
 class Answers(NamedTuple):

@@ -23,7 +23,7 @@ DISTRACTOR_SCORE_MIN = 0.3
 """A place away from the target that scores as much while tracking is right is remembered as a distractor."""
 SETTLED_MAX = 3
 """Views that are used beside the first one."""
-SURROUNDINGS_SIDE = 256
+SURROUNDINGS_SIDE = 224
 """Side of the crops that distractors are looked for in (pixels at the exemplar's scale)."""
 SAME_PLACE_IOU = 0.4
 """Boxes of successive images that overlap so much are one place."""
@@ -219,7 +219,8 @@ class SiameseRecovery:
         # Nearer parts come first; a region that grows begins anew with every size.
         column, row = center
         parts.sort(key=lambda part: math.hypot(part[0] - column, part[1] - row))
-        x, y, columns, rows = parts[self._searches % len(parts)]
+        # What may be the target is in the nearest one: to look elsewhere would be to forget it.
+        x, y, columns, rows = parts[0 if self._agreeing else self._searches % len(parts)]
         return cut(image, (x, y), scale, (columns, rows))
 
     def _parts(self, bounds: list[tuple[float, float]], scale: float) -> list[tuple[float, float, int, int]]:
@@ -249,7 +250,7 @@ class SiameseRecovery:
             likeness = likeness - self._config.distractor_weight * answers.scores[count:].mean(0)
         # Each place's box is that of the template which knows it better.
         best = np.argmax(answers.scores[:count], axis=0)
-        boxes = np.take_along_axis(answers.boxes[:count], best[None, None], axis=0)[0]
+        boxes = np.take_along_axis(answers.boxes, best[None, None], axis=0)[0]
         likeness = np.where(self._plausible(boxes, crop, image), likeness, 0)
         row, column = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
         score = float(likeness[row, column])

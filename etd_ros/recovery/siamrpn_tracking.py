@@ -87,7 +87,7 @@ class SiamRpnTracker:
     def update(self, picture: Picture) -> tuple[Box | None, float]:
         """The target's box in the next picture, None where it is lost; and how sure the network is, 0 to 1."""
         crop = self._window(picture)
-        answers = self._matcher.match(crop.pixels, [self._template, *self._distractors])
+        answers = self._matcher.match(crop.pixels, [self._template], self._distractors)
         scores, boxes = answers.scores[0].reshape(-1), answers.boxes[0].reshape(4, -1)
         penalty = self._penalty(answers.boxes[0], crop.scale)
         best = int(np.argmax(self._judged(answers.scores, penalty)))

@@ -67,7 +67,8 @@ class TrackerConfig(Parameters):
     )
     lost_search_interval: int = parameter(
         10,
-        "A lost target is searched on every so many-th frame. Lower finds it sooner and costs more.",
+        "A lost target is searched on every so many-th frame, and on each while the last search saw what may be it. "
+        "Lower finds it sooner and costs more.",
         low=1,
         high=10_000,
     )

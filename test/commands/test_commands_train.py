@@ -33,7 +33,7 @@ def test_it_trains_goes_on_and_its_weights_serve_a_tracker(place):
 def test_weights_are_trained_further_on_request(place):
     first = ["train", "--output", "first", "--cache", "cache", *TINY]
     assert main(first) == 0
-    begun = ["--weights", "first/compact.safetensors", "--learning-rate", "1e-7"]
+    begun = ["--weights", "first/compact.safetensors", "--learning-rate", "1e-7", "--seed", "1"]
     assert main(["train", "--output", "more", "--cache", "cache", *TINY, *begun]) == 0
     before, after = (load_file(place / name / "compact.safetensors") for name in ("first", "more"))
     torch.testing.assert_close(after["backbone.0.weight"], before["backbone.0.weight"], atol=1e-5, rtol=0)

@@ -51,13 +51,13 @@ class Answering:
         self.templates.append(size)
         return len(self.templates)
 
-    def match(self, window, templates):
+    def match(self, window, templates, distractors=()):
         """Places lie 8 pixels apart; each answer is put where it belongs, its box exactly."""
         side = len(window)
         self.windows.append(side)
         count = (side - 127) // 8 + 1
         boxes = np.ones((len(templates), 4, count, count), np.float32)
-        scores = np.zeros((len(templates), count, count), np.float32)
+        scores = np.zeros((len(templates) + len(distractors), count, count), np.float32)
         for x, y, w, h, score in self.places:
             column, row = ((offset * SCALE) + side / 2 for offset in (x - 120, y - 95))
             at = tuple(int(np.clip(round((place - 63.5) / 8), 0, count - 1)) for place in (row, column))

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import os
 import pickle
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import torch
 from recovery_trainings import SHORT
 
 from etd_ros.recovery import RecoveryError
+from etd_ros.recovery.training import sequences
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.loop import Progress, Training, prepare
 from etd_ros.recovery.training.making import SequenceMaker
@@ -55,6 +57,24 @@ def test_pairs_that_other_processes_cut_teach_the_same(training):
         run(each, until=3)
     for name, value in alone.network.state_dict().items():
         assert torch.equal(value, helped.network.state_dict()[name]), name
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_damaged_sequence_is_named_whoever_reads_it(tmp_path, sequence_folder, processes):
+    shutil.copytree(sequence_folder, tmp_path / "cache")
+    (tmp_path / "cache" / "0000001.images.npy").write_bytes(b"no array")
+    with pytest.raises(TrainingError, match="^[^ ]*0000001.images.npy: sequence 1 is missing or damaged"):
+        run(Training(SHORT, SequenceCache(tmp_path / "cache"), tmp_path / "out", processes=processes), until=3)
+
+
+def test_only_so_many_sequences_are_kept_open(sequence_folder, monkeypatch):
+    monkeypatch.setattr(sequences, "OPEN_MAX", 2)
+    cache = SequenceCache(sequence_folder)
+    for seed in (0, 1, 2, 0, 1):
+        np.testing.assert_array_equal(
+            cache.sequence(seed).images, np.load(sequence_folder / f"{seed:07}.images.npy"), strict=True
+        )
+        assert len(cache._open) <= 2
 
 
 def test_at_its_end_normalisations_keep_their_statistics(training):

@@ -21,7 +21,7 @@ class TrainingConfig(Parameters):
     settled: float = parameter(
         0.3,
         "share of the training at its end in which batch normalisations keep their statistics, so that what is trained "
-        "is what runs",
+        "is what runs; 1 is for weights that are trained further, which have some",
         low=0.0,
         high=1.0,
     )

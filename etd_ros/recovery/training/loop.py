@@ -8,6 +8,7 @@ import math
 import pickle
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -148,24 +149,25 @@ class Training:
         try:
             validation = self._validation(maker)
             cutter = PairCutter(self._lesson.sampler, config)
-            for batch in cutter.batches(maker.steps(self.step, last), self._processes):
-                share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
-                losses = self._take_step(batch, share)
-                averages = [*averages[1 - AVERAGED_STEPS :], losses]
-                self.step += 1
-                is_over = self.step == last or time.monotonic() - started >= self._limit_s
-                figures = None
-                if is_over or self.step % config.interval == 0:
-                    figures = self._lesson.validate(validation)
-                    self._save(time.monotonic() - started, averages, figures)
-                watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
-                if is_over:
-                    break
+            with closing(cutter.batches(maker.steps(self.step, last), self._processes)) as batches:
+                for batch in batches:
+                    share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
+                    losses = self._take_step(batch, share)
+                    averages = [*averages[1 - AVERAGED_STEPS :], losses]
+                    self.step += 1
+                    is_over = self.step == last or time.monotonic() - started >= self._limit_s
+                    figures = None
+                    if is_over or self.step % config.interval == 0:
+                        figures = self._lesson.validate(validation)
+                        self._save(time.monotonic() - started, averages, figures)
+                    watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
+                    if is_over:
+                        break
         finally:
             maker.stop()
 
     def _take_step(self, batch: Batch, share: float) -> tuple[float, ...]:
-        if share >= 1 - self._config.settled:
+        if self._config.settled > 0 and share >= 1 - self._config.settled:
             for module in self.network.modules():
                 if isinstance(module, torch.nn.BatchNorm2d):
                     module.eval()

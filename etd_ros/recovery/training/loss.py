@@ -73,8 +73,8 @@ class Comparison(NamedTuple):
 
     Attributes:
         response: to each pair.
-        others: logits of exemplars in the windows of pairs after theirs, which are of other sequences, shape (k, n,
-            rows, columns); k = 4 where there are as many.
+        others: logits of exemplars in the windows of pairs after theirs, which are of other sequences unless a batch
+            is larger than the number of sequences, shape (k, n, rows, columns); k = 4 where there are as many.
     """
 
     response: Response

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from typing import Any
 
 import cv2
@@ -20,8 +21,8 @@ from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
 WAIT_S = 0.2
 TRAINING_STREAM = 5
 """Beside the seed and the step: of no other choice."""
-BATCHES_AHEAD = 4
-"""Of each process that cuts pairs."""
+BATCHES_AHEAD = 2
+"""Of each process that cuts pairs; their sequences are waited for as much sooner."""
 NICENESS = 10
 """The training goes first where they share a core: it waits for sequences only where it has none to draw from."""
 
@@ -58,7 +59,7 @@ class SequenceMaker:
         """Wait until the first `count` sequences are there.
 
         Raises:
-            TrainingError: the process has ended without making them.
+            TrainingError: a process has ended without making its part.
         """
         while self._ready < count:
             self._wait(self._ready)
@@ -92,7 +93,7 @@ class SequenceMaker:
         )
 
 
-class PairCutter(Dataset[Batch]):
+class PairCutter(Dataset["Batch | TrainingError"]):
     """The batches of a training by the number of their step, each decided by the seed and that number.
 
     Args:
@@ -103,15 +104,32 @@ class PairCutter(Dataset[Batch]):
     def __init__(self, sampler: PairSampler, config: TrainingConfig) -> None:
         self._sampler, self._config = sampler, config
 
-    def __getitem__(self, step: int) -> Batch:
+    def __getitem__(self, step: int) -> Batch | TrainingError:
+        """The batch, or what went wrong: another process's errors would come as its whole traceback."""
+        try:
+            return self.batch(step)
+        except TrainingError as err:
+            return err
+
+    def batch(self, step: int) -> Batch:
+        """The batch of a step.
+
+        Raises:
+            TrainingError: a sequence is missing or damaged.
+        """
         rng = np.random.default_rng([TRAINING_STREAM, self._config.seed, step])
         return self._sampler.batch(rng, np.arange(self._config.pool(step)), self._config.batch)
 
-    def batches(self, steps: Iterable[int], processes: int) -> Iterable[Batch]:
-        """The batches of `steps` in their order, cut ahead by so many processes; by this one where it is one."""
+    def batches(self, steps: Iterable[int], processes: int) -> Generator[Batch]:
+        """The batches of `steps` in their order, cut ahead by so many processes; by this one where it is one.
+
+        Raises:
+            TrainingError: a sequence is missing or damaged.
+        """
         if processes == 1:
-            return map(self.__getitem__, steps)
-        return DataLoader(
+            yield from map(self.batch, steps)
+            return
+        loader = DataLoader(
             self,
             batch_size=None,
             sampler=steps,
@@ -121,6 +139,10 @@ class PairCutter(Dataset[Batch]):
             multiprocessing_context="spawn",
             worker_init_fn=_begin_cutting,
         )
+        for batch in loader:
+            if isinstance(batch, TrainingError):
+                raise batch
+            yield batch
 
 
 def _as_it_is(batch: Any) -> Any:
@@ -129,6 +151,8 @@ def _as_it_is(batch: Any) -> Any:
 
 def _begin_cutting(_: int) -> None:
     cv2.setNumThreads(1)
+    # An interrupted training ends its processes itself.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _make(cache: SequenceCache, seeds: list[int]) -> None:

@@ -26,6 +26,8 @@ IMAGE_S = (0.006, 0.024)
 """Shortest and longest time between images: ATSLTD frames end when they hold enough, not on a clock."""
 RANDOM_STREAM = 4
 """Beside the seed: no seed makes a scene of another part of the project."""
+OPEN_MAX = 500
+"""Of a process's sequences; it may have 1024 files open on most systems."""
 VALIDATION_SEEDS = 1_000_000
 """Training draws sequences from seeds below, validation from here on."""
 
@@ -147,6 +149,9 @@ class SequenceCache:
             TrainingError: its files are missing or damaged.
         """
         if seed not in self._open:
+            # Each holds a file open.
+            if len(self._open) == OPEN_MAX:
+                del self._open[next(iter(self._open))]
             self._open[seed] = self._load(seed)
         return self._open[seed]
 
