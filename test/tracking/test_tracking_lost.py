@@ -10,6 +10,8 @@ from tracked_scenes import START_NS, frames_of, overlap, scene_of, tracked
 from etd_ros.benchmarking.live_scene import TURN_US, LiveScene
 from etd_ros.engine import track
 from etd_ros.evaluation.suite import evaluate_sequence
+from etd_ros.recovery import RecoveryConfig
+from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint, sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
@@ -19,12 +21,15 @@ from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.surface import TimeSurface
 
+CONTOURS_ALONE = Settings(recovery=RecoveryConfig(network_agreeing=100))
+"""Where a rule is missing, the network may find what contours do not."""
 
-def mean_overlap(name, seeds):
+
+def mean_overlap(name, seeds, settings=CONTOURS_ALONE):
     """Of the first target, over sequences of a recipe of the suite with seeds that are not the suite's."""
     suites = sequence_named(name)
     scenes = (replace(suites.with_seed(suites.seed + 100 * seed), name=f"{name}-{seed}") for seed in seeds)
-    return float(np.mean([evaluate_sequence(scene)[0].ap for scene in scenes]))
+    return float(np.mean([evaluate_sequence(scene, settings=settings)[0].ap for scene in scenes]))
 
 
 def test_what_comes_out_where_it_is_expected_is_found_before_all_of_it_is_seen(monkeypatch):
@@ -90,6 +95,12 @@ def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
     keep = ContourSearch.keep
     monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
     assert mean_overlap("return", (seed,)) < found - 0.3
+
+
+def test_the_network_finds_what_comes_back_where_contours_do_not(monkeypatch):
+    keep = ContourSearch.keep
+    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
+    assert mean_overlap("return", (28,), Settings()) > mean_overlap("return", (28,)) + 0.1
 
 
 def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
