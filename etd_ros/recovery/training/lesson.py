@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from torch import Tensor, nn
 
-from etd_ros.recovery.training.pairs import Batch, PairSampler
+from etd_ros.recovery.training.pairs import PairSampler
+from etd_ros.recovery.training.validation import Tensors
 
 
 class Losses(Protocol):
@@ -58,15 +59,11 @@ class Lesson(Protocol):
         """On the training's device."""
         ...
 
-    def tensors(self, batch: Batch) -> Any:
-        """A batch as the network takes it, on the device."""
-        ...
-
-    def losses(self, batch: Any) -> Losses:
+    def losses(self, batch: Tensors) -> Losses:
         """The network's loss on a batch."""
         ...
 
-    def validate(self, batches: Sequence[Any]) -> Figures:
+    def validate(self, batches: Sequence[Tensors]) -> Figures:
         """Figures over batches that it was not trained on; the network is in training mode again afterwards."""
         ...
 

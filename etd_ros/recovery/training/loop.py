@@ -23,7 +23,7 @@ from etd_ros.recovery.training.lesson import Figures, Lesson
 from etd_ros.recovery.training.making import PairCutter, SequenceMaker
 from etd_ros.recovery.training.pairs import Batch
 from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
-from etd_ros.recovery.training.validation import memory_format_of
+from etd_ros.recovery.training.validation import Tensors, memory_format_of, tensors_of
 from etd_ros.recovery.weights_file import load_pickle
 
 CHECKPOINT_NAME, LOG_NAME = "checkpoint.pt", "log.csv"
@@ -173,7 +173,7 @@ class Training:
                     module.eval()
         for group in self._optimiser.param_groups:
             group["lr"] = self._learning_rate(share)
-        losses = self._lesson.losses(self._lesson.tensors(batch))
+        losses = self._lesson.losses(tensors_of(batch, self._device))
         if not bool(torch.isfinite(losses.total)):
             msg = f"the loss is not finite at step {self.step}: train anew with a smaller learning_rate"
             raise TrainingError(msg)
@@ -187,12 +187,12 @@ class Training:
         rising = min(1.0, (self.step + 1) / (self._config.warm_up_steps + 1))
         return self._config.learning_rate * rising * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
 
-    def _validation(self, maker: SequenceMaker) -> list[Any]:
+    def _validation(self, maker: SequenceMaker) -> list[Tensors]:
         config = self._config
         maker.wait_for_validation()
         seeds = VALIDATION_SEEDS + np.arange(config.validation_sequences)
         rngs = [np.random.default_rng([VALIDATION_STREAM, number]) for number in range(config.validation_batches)]
-        return [self._lesson.tensors(self._lesson.sampler.batch(rng, seeds, config.batch)) for rng in rngs]
+        return [tensors_of(self._lesson.sampler.batch(rng, seeds, config.batch), self._device) for rng in rngs]
 
     def _described(self) -> dict[str, Any]:
         """What a checkpoint must have been made with to go on from it."""
