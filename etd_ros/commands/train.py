@@ -14,6 +14,7 @@ from etd_ros.parameters import described
 from etd_ros.recovery import RecoveryError
 from etd_ros.recovery.making import missing_libraries
 from etd_ros.recovery.training.config import TrainingConfig
+from etd_ros.recovery.training.errors import TrainingError
 
 DEVICES = ("cpu", "cuda")
 NETWORKS = ("compact", "siamfc")
@@ -59,7 +60,8 @@ def run(options: argparse.Namespace) -> int:
 
     Raises:
         RecoveryError: torch or safetensors are missing.
-        TrainingError: there is no such device, files cannot be read or written, or the training fails.
+        TrainingError: there is no such device, settings do not fit together, files cannot be read or written, or the
+            training fails.
         ParameterError: a setting is out of its range.
         SimulationError: scikit-image, whose photographs are used, is not installed.
     """
@@ -74,6 +76,9 @@ def run(options: argparse.Namespace) -> int:
     from etd_ros.recovery.training.video import VIDEO
 
     config = TrainingConfig(**{name: getattr(options, name) for name, _, _ in described(TrainingConfig)})
+    if config.settled == 1 and options.weights is None and not options.resume:
+        msg = "--settled 1 keeps the normalisations' statistics, which random weights have not: give --weights, or less"
+        raise TrainingError(msg)
     prepare(options.device, options.threads, options.minutes, options.processes)
     make_lesson, pictures = {"compact": (CompactLesson, RECONSTRUCTED), "siamfc": (SiamFcLesson, VIDEO)}[
         options.network

@@ -55,6 +55,7 @@ def test_siamfc_is_trained_on_request(place):
         (["--threads", "0"], "give 1 to"),
         (["--processes", "0"], "give 1 to"),
         (["--weights", "nowhere"], "no readable safetensors file"),
+        (["--settled", "1"], "give --weights, or less"),
     ],
 )
 def test_bad_input_is_one_line(place, capsys, arguments, said):
