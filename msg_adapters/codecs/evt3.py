@@ -20,6 +20,10 @@ Speed comes from branches not taken: which kind of word comes next can seldom be
 single event, time low, a time high said again) all do the same work, an event is written after each of them, and only
 a single event is counted, so that the next word's overwrites the others'. Likewise masks write a few events at a time
 and count those they have.
+
+Where events are few, each has a time and a row of its own, and mostly a time high said again before: there the next
+word can be foreseen, and three or four of them are taken at once (`_decode_regular`), until something else comes. Then
+the other way goes on for a while, the longer the shorter such runs have been.
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.borrowing_kernel import borrowing_kernel, borrowing_part
+from etd_ros.borrowing_kernel import borrowing_kernel, borrowing_part, kernel_part
 from etd_ros.buffers import Arrays
 from msg_adapters.codecs.words import (
     WORD_16,
@@ -60,6 +64,15 @@ TIME_BITS = 24
 STEP_BACK_MAX = 10
 """A time high that falls by more than this many units of 4096 us has wrapped."""
 
+WORD_BITS = 16
+REGULAR_CODES = TIME_LOW << CODE_SHIFT | Y << CODE_SHIFT + WORD_BITS | SINGLE_X << CODE_SHIFT + 2 * WORD_BITS
+CODES_MASK = 0xF000F000F000
+"""Where the codes of three successive words are, the first in the lowest bits, and what they are in a regular run."""
+RUN_WORDS_MIN = 64
+"""A regular run of so many words is worth looking for the next one soon."""
+MIXED_WORDS_MIN, MIXED_WORDS_MAX = 64, 1 << 20
+"""So many words are decoded one by one before a regular run is looked for again; each message begins with a look."""
+
 # A table over the 16 codes: which bits must be those of the last time high for the word to be a frequent one. The
 # compiler cannot see through it; if it could, it would make branches of it.
 _FREQUENT = (Y, SINGLE_X, TIME_LOW, CONTINUED_4, OTHERS, CONTINUED_12)
@@ -69,9 +82,10 @@ _RARE = np.array([0 if code in _FREQUENT else 0xFFFF for code in range(16)], np.
 _BITS_SET = bits_set(MASK_12_BITS)
 _SET_BITS = set_bits(MASK_12_BITS)
 
-# Slots of the state that lasts across payloads. The time low is kept in ns.
-_LOOP, _HIGH, _LOW_NS, _SYNC, _ROW, _BASE_COLUMN, _POLARITY = range(7)
-_STATE_SIZE = 7
+# Slots of the state that lasts across payloads. The time low is kept in ns; the last one says how many words are to be
+# decoded one by one next.
+_LOOP, _HIGH, _LOW_NS, _SYNC, _ROW, _BASE_COLUMN, _POLARITY, _MIXED_WORDS = range(8)
+_STATE_SIZE = 8
 
 # How much of the time is known.
 _NO_TIME, _HIGH_KNOWN, _TIME_KNOWN = range(3)
@@ -156,13 +170,13 @@ def _decode(words, state, width, height, t, x, y, p):  # type: ignore[no-untyped
         needed = _capacity(words)
         if needed > len(t):
             return needed, 0, 0, 0, 0
-    count, trigger_count, skipped = _decode_words(words, state, t, x, y, p)
+    count, trigger_count, skipped = _decode_all(words, state, t, x, y, p)
     return 0, _count_off_sensor(x, y, count, width, height), count, trigger_count, skipped
 
 
 @borrowing_part
 def _capacity(words):  # type: ignore[no-untyped-def]
-    """Items that `_decode_words` may write: events, one more that is not counted, and triggers."""
+    """Items that `_decode_all` may write: events, one more that is not counted, and triggers."""
     items = 1
     for i in range(len(words)):
         code = words[i].word >> CODE_SHIFT
@@ -180,16 +194,78 @@ def _count_off_sensor(x, y, count, width, height):  # type: ignore[no-untyped-de
 
 
 # Indices are unsigned: for signed ones, compiled code would ask of each access whether it counts from the end.
+@borrowing_part
+def _decode_all(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
+    """Numbers of events and triggers decoded, and of words skipped."""
+    count, trigger_count, skipped = np.uint64(0), np.int64(0), np.int64(0)
+    i, end = np.uint64(0), np.uint64(len(words))
+    mixed_words = state[_MIXED_WORDS]
+    while i < end:
+        before = i
+        i, count = _decode_regular(words, i, state, t, x, y, p, count)
+        mixed_words = 0 if i - before >= RUN_WORDS_MIN else 2 * mixed_words
+        mixed_words = min(max(mixed_words, MIXED_WORDS_MIN), MIXED_WORDS_MAX)
+        stop = min(end, i + np.uint64(mixed_words))
+        if i < stop:
+            count, trigger_count, skipped = _decode_mixed(
+                words, i, stop, state, t, x, y, p, count, trigger_count, skipped
+            )
+        i = stop
+    state[_MIXED_WORDS] = mixed_words
+    return np.int64(count), trigger_count, skipped
+
+
+@kernel_part
+def _decode_regular(words, i, state, t, x, y, p, count):  # type: ignore[no-untyped-def]
+    """Decode words from i on as long as they are a time low, a row and a single event, with or without the last time
+    high before them; the index of the first other one, and the number of events."""
+    high = state[_HIGH]
+    high_word = np.uint64(TIME_HIGH << CODE_SHIFT | high)
+    high_ns = 1000 * (state[_LOOP] << TIME_BITS | high << CODE_SHIFT)
+    low_ns, row = state[_LOW_NS], state[_ROW]
+    codes, regular = np.uint64(CODES_MASK), np.uint64(REGULAR_CODES)
+    high_and_regular = regular << np.uint64(WORD_BITS) | high_word
+    high_and_codes = codes << np.uint64(WORD_BITS) | np.uint64(0xFFFF)
+    end = np.uint64(len(words))
+    while i + np.uint64(4) <= end:
+        group = _four_words(words, i)
+        if group & high_and_codes == high_and_regular:
+            group >>= np.uint64(WORD_BITS)
+            i += np.uint64(4)
+        elif group & codes == regular:
+            i += np.uint64(3)
+        else:
+            break
+        low_ns = 1000 * np.int64(group & np.uint64(VALUE_MASK))
+        row = np.int64(group >> np.uint64(WORD_BITS) & np.uint64(COORDINATE_MASK))
+        t[count] = high_ns + low_ns
+        x[count] = group >> np.uint64(2 * WORD_BITS) & np.uint64(COORDINATE_MASK)
+        y[count] = row
+        p[count] = group >> np.uint64(2 * WORD_BITS + POLARITY_SHIFT) & np.uint64(1)
+        count += np.uint64(1)
+    state[_LOW_NS], state[_ROW] = low_ns, row
+    return i, count
+
+
+@kernel_part
+def _four_words(words, i):  # type: ignore[no-untyped-def]
+    """Words i to i + 3 in one integer, the first in the lowest bits; compiled to one load."""
+    four = np.uint64(0)
+    for k in range(np.uint64(4)):
+        four |= np.uint64(words[i + k].word) << k * np.uint64(WORD_BITS)
+    return four
+
+
 # Triggers are written from the arrays' end on: time to t, input to x, edge to p.
 @borrowing_part
-def _decode_words(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
-    count, trigger_count, skipped = np.uint64(0), 0, 0
+def _decode_mixed(words, begin, stop, state, t, x, y, p, count, trigger_count, skipped):  # type: ignore[no-untyped-def]
+    """Decode words begin .. stop - 1, whatever they are; numbers as `_decode_all`'s, those before added."""
     loop, high, row = state[_LOOP], state[_HIGH], state[_ROW]
     base_column, base_polarity = state[_BASE_COLUMN], state[_POLARITY]
     high_word = TIME_HIGH << CODE_SHIFT | high
     high_ns = 1000 * (loop << TIME_BITS | high << CODE_SHIFT)
     time_ns = high_ns + state[_LOW_NS]
-    for i in range(np.uint64(len(words))):
+    for i in range(begin, stop):
         word = np.int64(words[i].word)
         code = word >> CODE_SHIFT
         value = word & VALUE_MASK
@@ -238,4 +314,4 @@ def _decode_words(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
             skipped += 1
     state[_LOOP], state[_HIGH], state[_LOW_NS] = loop, high, time_ns - high_ns
     state[_ROW], state[_BASE_COLUMN], state[_POLARITY] = row, base_column, base_polarity
-    return np.int64(count), trigger_count, skipped
+    return count, trigger_count, skipped
