@@ -11,7 +11,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.batches import check_batch, check_size, earliest_ns, not_following
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
+from etd_ros.conversion.frame_buffers import FrameBuffers
 from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, VERIFIED, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
@@ -52,11 +52,6 @@ class FrameAccumulator:
         self._previous_ns: int | None = None
 
     @property
-    def data(self) -> FrameData:
-        """Memory of `FrameBuffers` for the unfinished frame; for the kernels."""
-        return self._buffers.memory
-
-    @property
     def events(self) -> int:
         """Number of events in the unfinished frame."""
         return int(self.state["events"][0])
@@ -77,18 +72,22 @@ class FrameAccumulator:
     def accept_and_advance(
         self, events: Events, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
     ) -> tuple[int, float, int]:
-        """`accept` and, from the batch's first event on, `advance`, by one call of a kernel."""
+        """`accept` and, from the batch's first event on, `advance`, by one call of a kernel: many messages are so small
+        that calls take longer than their events."""
         check_size(events, self.width, self.height)
-        if events.t.size == 0:
+        t = events.t
+        if len(t) == 0:
             return 0, 0.0, 0
-        if self._previous_ns is None:
-            self.start_ns = int(events.t[0])
-        step = self._advance(
-            events, earliest_ns(self._previous_ns), 0, min_duration_ns, max_duration_ns, alpha, check_stride
-        )
+        previous_ns = self._previous_ns
+        if previous_ns is None:
+            self.start_ns = t.item(0)
+        step = advance(
+            self.store, self.state, t, events.x, events.y, events.p, earliest_ns(previous_ns), 0, self.start_ns,
+            min_duration_ns, max_duration_ns, alpha, check_stride, self._buffers.memory,
+        )  # fmt: skip
         if step[0] < 0:
-            raise not_following(events, self._previous_ns)
-        self._previous_ns = events.t.item(-1)
+            raise not_following(events, previous_ns)
+        self._previous_ns = t.item(-1)
         return step
 
     def advance(
@@ -96,31 +95,10 @@ class FrameAccumulator:
     ) -> tuple[int, float, int]:
         """Add events of an accepted batch from `first` on until the frame reaches alpha; the arguments and what is
         returned are those of the kernel."""
-        return self._advance(events, VERIFIED, first, min_duration_ns, max_duration_ns, alpha, check_stride)
-
-    def _advance(
-        self,
-        events: Events,
-        follows_ns: int,
-        first: int,
-        min_duration_ns: int,
-        max_duration_ns: int,
-        alpha: float,
-        check_stride: int,
-    ) -> tuple[int, float, int]:
         return advance(
-            self.store,
-            self.state,
-            *(events.t, events.x, events.y, events.p),
-            follows_ns,
-            first,
-            self.start_ns,
-            min_duration_ns,
-            max_duration_ns,
-            alpha,
-            check_stride,
-            self.data,
-        )
+            self.store, self.state, events.t, events.x, events.y, events.p, VERIFIED, first, self.start_ns,
+            min_duration_ns, max_duration_ns, alpha, check_stride, self._buffers.memory,
+        )  # fmt: skip
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
@@ -137,11 +115,11 @@ class FrameAccumulator:
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self.data)
+        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._buffers.memory)
         return self.hand_out(stamp_ns, end, nzge, events)
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
-        """The frame that a kernel has put into `data`; the next one starts at stamp_ns."""
+        """The frame that a kernel has put into the buffers' memory; the next one starts at stamp_ns."""
         frame = Frame(stamp_ns, self.start_ns, self._buffers.hand_out(), events, nzge, end)
         self.start_ns = stamp_ns
         return frame
@@ -161,7 +139,7 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        finish(self.store, self.state, 0, self.data)
+        finish(self.store, self.state, 0, self._buffers.memory)
         self._buffers.clear()
         self._previous_ns = None
 

@@ -22,6 +22,9 @@ PAPER_INTERVAL = (0.0832, 0.0927)
 
 ENTROPY_SENSOR, ENTROPY_TARGETS = "sensor", "targets"
 
+_NO_FRAMES: Iterator[Frame] = iter(())
+"""Of the many small messages that finish none."""
+
 Regions: TypeAlias = "Callable[[], Sequence[Box] | None]"
 """Tells where NZGE is to be measured now; None: everywhere."""
 
@@ -151,12 +154,13 @@ class AtsltdConverter(AccumulatingConverter):
 
     def convert(self, events: Events) -> Iterator[Frame]:
         """See `Converter.convert`; the events up to the first frame are added at once."""
-        self._begin_frame()
-        config, accumulator = self.config, self._accumulator
-        step = accumulator.accept_and_advance(
+        if self._regions is not None or self._next_durations_ns is not None:
+            self._begin_frame()
+        config = self.config
+        step = self._accumulator.accept_and_advance(
             events, self._min_duration_ns, self._max_duration_ns, config.nzge_interval[0], config.check_stride
         )
-        return self._frames(events, step)
+        return _NO_FRAMES if step == (len(events.t), 0, 0) else self._frames(events, step)
 
     def _begin_frame(self) -> None:
         """Take on what has been asked for the next frame, if one begins."""

@@ -39,7 +39,7 @@ def check_size(events: Events, width: int, height: int) -> None:
     Raises:
         ConversionError: it is not.
     """
-    if (events.width, events.height) != (width, height):
+    if events.width != width or events.height != height:
         msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
         raise ConversionError(msg)
 
