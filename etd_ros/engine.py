@@ -253,6 +253,7 @@ def make_tracker(
     Raises:
         TrackingError: an unknown method.
         RecoveryError: the recovery tracker cannot be had (OpenCV build, model files).
+        DetectionError: an OpenCV build without its contrib modules.
     """
     chosen = method_named(method)
     recovery = make_recovery(settings.recovery) if chosen.recovers else None
@@ -288,7 +289,7 @@ def track(
     Args:
         streams: iterated some frames ahead, in another thread.
         targets: what to track.
-        clicks: points at which something moves that is to be tracked.
+        clicks: points on what is to be tracked: what moves, or rests before a moving camera.
         auto: whether moving objects become targets by themselves.
         method: one of `METHODS`.
         settings: of all stages.
@@ -299,6 +300,7 @@ def track(
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
+        TrackingError, RecoveryError, DetectionError: as `make_tracker` does.
     """
     settings = settings or Settings()
     everything: list[TargetStart | Click] = [*targets, *clicks]

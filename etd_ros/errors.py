@@ -11,7 +11,7 @@ T = TypeVar("T")
 class EtdError(Exception):
     """Bad input. The message names what is wrong, where, and what to do about it.
 
-    Every area derives one class from this one; the command line prints the message and exits with 2,
+    Every area derives its own from this one; the command line prints the message and exits with 2,
     the nodes warn and count it.
     """
 

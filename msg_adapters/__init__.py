@@ -4,14 +4,12 @@ from msg_adapters.clock import SensorClock
 from msg_adapters.codecs import DecodedWords, Evt2Decoder, Evt3Decoder, Evt21Decoder, Triggers, WordDecoder
 from msg_adapters.decoding import EVENT_TYPES, decoder_for, ros2_type_name
 from msg_adapters.detections import (
-    DETECTIONS_TYPE,
     Detection,
     DetectionsMessage,
     decode_detections,
     encode_detections,
 )
 from msg_adapters.diagnostics import (
-    DIAGNOSTICS_TYPE,
     DiagnosticsMessage,
     DiagnosticStatus,
     Level,
@@ -23,15 +21,12 @@ from msg_adapters.event_packet import ENCODINGS, encode_event_packet, packet_to_
 from msg_adapters.header import Header
 from msg_adapters.image import IMAGE_TYPE, ImageMessage, decode_image, encode_image
 from msg_adapters.layout import Layout, MessageBytes, MessageError
-from msg_adapters.point import POINT_TYPE, PointMessage, decode_point, encode_point
+from msg_adapters.point import PointMessage, decode_point, encode_point
 
 __all__ = [
-    "DETECTIONS_TYPE",
-    "DIAGNOSTICS_TYPE",
     "ENCODINGS",
     "EVENT_TYPES",
     "IMAGE_TYPE",
-    "POINT_TYPE",
     "DecodedWords",
     "Detection",
     "DetectionsMessage",

@@ -14,22 +14,21 @@ from etd_ros.events import Events
 from msg_adapters.event_message import EventMessage
 from msg_adapters.header import NS_PER_S
 
+GAIN = 0.01
+"""Share of the difference by which a packet moves the offset."""
+JUMP_NS = NS_PER_S
+"""The largest step that is taken for jitter."""
+
 
 class SensorClock:
     """Maps the sensor times of one topic's messages to ROS time; deterministic, a function of the messages alone.
 
     Where sensor time does not go back from one message to the next, neither does ROS time. The offset is taken anew,
-    and `resets` counts it, when sensor time goes back by more than `jump_s` (a bag loops, a camera restarts) or when
+    and `resets` counts it, when sensor time goes back by more than `JUMP_NS` (a bag loops, a camera restarts) or when
     arrival and sensor time part by more than that (the sensor's wraps passed unseen while messages were missing).
-
-    Args:
-        gain: share of the difference by which a packet moves the offset.
-        jump_s: the largest step (s) that is taken for jitter.
     """
 
-    def __init__(self, *, gain: float = 0.01, jump_s: float = 1.0) -> None:
-        self._gain = gain
-        self._jump_ns = round(jump_s * NS_PER_S)
+    def __init__(self) -> None:
         self._resets = 0
         self._pool = ArrayPool(np.int64)
         self.reset()
@@ -60,11 +59,11 @@ class SensorClock:
         last_ns = self._offset_ns
         if last_ns is None:
             self._offset_ns = measured_ns
-        elif self._last_sensor_ns - first_sensor_ns > self._jump_ns or abs(measured_ns - last_ns) > self._jump_ns:
+        elif self._last_sensor_ns - first_sensor_ns > JUMP_NS or abs(measured_ns - last_ns) > JUMP_NS:
             self._resets += 1
             self._offset_ns = measured_ns
         else:
             # A falling offset may eat up the time that passed between the packets, but no more.
             passed_ns = max(first_sensor_ns - self._last_sensor_ns, 0)
-            self._offset_ns = last_ns + max(round(self._gain * (measured_ns - last_ns)), -passed_ns)
+            self._offset_ns = last_ns + max(round(GAIN * (measured_ns - last_ns)), -passed_ns)
         return self._offset_ns

@@ -16,8 +16,6 @@ from etd_ros.boxes import Box
 from msg_adapters.header import Header, read_header, write_header
 from msg_adapters.layout import Layout, MessageBytes, Reader, Writer
 
-DETECTIONS_TYPE = "vision_msgs/msg/Detection2DArray"
-
 # Fewest bytes in CDR of a detection (header, two counts, box, id) and of a result (class, score, pose, covariance).
 _DETECTION_SIZE_MIN = 12 + 4 + 40 + 4
 _RESULT_SIZE_MIN = 4 + 8 + 56 + 288

@@ -14,8 +14,6 @@ from enum import IntEnum
 from msg_adapters.header import Header, read_header, write_header
 from msg_adapters.layout import Layout, MessageBytes, MessageError, Reader, Writer
 
-DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-
 # Fewest bytes in CDR of a status (level, padding, three lengths, a count) and of a pair (two lengths).
 _STATUS_SIZE_MIN = 1 + 4 * 4
 _VALUE_SIZE_MIN = 4 + 4

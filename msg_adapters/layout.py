@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, TypeAlias, cast
 
-import numpy as np
 import numpy.typing as npt
 
 from etd_ros.errors import EtdError
@@ -226,11 +225,6 @@ def cut_short(count: int, unit: str, position: int, left: int) -> MessageError:
         f"message cut short: {count} {unit} are announced before byte {position}, {left} bytes are left; "
         "get the whole message, or check its type and layout"
     )
-
-
-def as_bytes_array(view: memoryview) -> npt.NDArray[np.uint8]:
-    """The bytes of a view as a uint8 array, not copied."""
-    return np.frombuffer(view, np.uint8)
 
 
 def known_names(names: Sequence[str] | frozenset[str]) -> str:

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from msg_adapters.header import Header, read_header, write_header
 from msg_adapters.layout import Layout, MessageBytes, Reader, Writer
 
-POINT_TYPE = "geometry_msgs/msg/PointStamped"
-
 
 @dataclass(frozen=True, slots=True)
 class PointMessage:

@@ -40,7 +40,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "--target", action="append", default=[], metavar="NAME:X,Y,W,H[@STAMP_NS]", help="a target (may be repeated)"
     )
     parser.add_argument(
-        "--click", action="append", default=[], metavar="NAME:X,Y[@STAMP_NS]", help="what moves there (may be repeated)"
+        "--click", action="append", default=[], metavar="NAME:X,Y[@STAMP_NS]", help="the object there (may be repeated)"
     )
     parser.add_argument("--auto", action="store_true", help="moving objects become targets auto_1, auto_2, ...")
     parser.add_argument("--output", type=Path, required=True, metavar="TRACKS.csv", help="where the boxes go")

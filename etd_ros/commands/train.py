@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     """Train, or go on training.
 
     Raises:
-        RecoveryError: torch or safetensors are missing.
+        RecoveryError: torch or safetensors are missing, or `--weights` cannot be read.
         TrainingError: there is no such device, settings do not fit together, files cannot be read or written, or the
             training fails.
         ParameterError: a setting is out of its range.

@@ -60,7 +60,7 @@ class Converter(Protocol):
         """Take a batch that follows the last one in time; yield the frames that it finishes.
 
         Raises:
-            ConversionError: the batch is of another sensor size than the converter.
+            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
         """
         ...
 

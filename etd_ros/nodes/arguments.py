@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import sys
 from collections.abc import Iterable
 
 from rclpy.node import Node
@@ -31,17 +30,17 @@ def own_arguments(arguments: list[str]) -> list[str]:
         raise ros_error(err) from err
 
 
-def refuse_stray_words(arguments: list[str] | None) -> None:
+def refuse_stray_words(arguments: list[str]) -> None:
     """For nodes that take nothing but what is ROS's.
 
     Args:
-        arguments: the program's, its name first; None for those of this process.
+        arguments: the program's, its name first.
 
     Raises:
         ArgumentError: something stands outside of --ros-args.
         RosError: ROS's arguments are wrong.
     """
-    stray = own_arguments(sys.argv if arguments is None else arguments)
+    stray = own_arguments(arguments)
     if stray:
         msg = f"{' '.join(stray)}: unknown: parameters and remappings are written as --ros-args -p NAME:=VALUE -r A:=B"
         raise ArgumentError(msg)

@@ -138,10 +138,12 @@ class EtdNode(LifecycleNode):
         """Name a need, so that the node can say what it waits for."""
         self._inputs.append(needed)
 
-    def publisher(self, kind: type, topic: str, qos: QoSProfile = FRAME_QOS) -> Publisher:
+    def publisher(self, kind: type, topic: str) -> Publisher:
         """A publisher that says why a subscriber gets nothing."""
         resolved = self.resolve_topic_name(topic)
-        return self.create_publisher(kind, topic, qos, event_callbacks=writer_callbacks(self, resolved, qos))
+        return self.create_publisher(
+            kind, topic, FRAME_QOS, event_callbacks=writer_callbacks(self, resolved, FRAME_QOS)
+        )
 
     def reader(
         self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile = FRAME_QOS

@@ -24,7 +24,7 @@ def check_tracker(node: EtdNode) -> None:
     node_tracker(node, 1, 1)
     if not method_named(node.options.method).recovers or network_is_there(node.settings.recovery, NETWORK_WAIT_S):
         return
-    text = f"recovery's network is not there after {NETWORK_WAIT_S:g} s: until it is, contours alone find lost targets"
+    text = f"recovery's network is not there after {NETWORK_WAIT_S:g} s: images are searched once it is"
     node.get_logger().warning(text)
 
 

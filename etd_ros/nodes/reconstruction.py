@@ -93,6 +93,7 @@ class Reconstruction(EtdNode):
             "stamps": self._stamps,
             "stamps lost": self._frames.lost,
             "images": self._published,
+            "stamps given up": held.requests_dropped if held else 0,
             "events integrated before their stamp": held.integrated_early if held else 0,
             "image subscribers": self._images.get_subscription_count(),
         }

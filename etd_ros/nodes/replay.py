@@ -32,7 +32,6 @@ from etd_ros.recordings import RecordedMessage, Recording, open_recording
 from msg_adapters import Layout, decode_image, encode_event_packet, encode_image, packet_to_ros2
 
 EVENT_TOPIC = "/event_camera/events"
-IMAGE_TOPIC = "/event_camera/image_raw"
 PACKET_TYPES = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")
 PACKET_DURATION_NS = 10_000_000
 CLOCK_PERIOD_NS = 5_000_000

@@ -31,7 +31,7 @@ COMPILER = "llvmlite"
 AGAIN_S, AGAIN_SOON_S = 0.2, 0.005
 
 
-def start_ros(arguments: list[str] | None, signals: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
+def start_ros(arguments: list[str], signals: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
     """Start ROS; what stands after --ros-args is checked here.
 
     Args:
@@ -46,14 +46,14 @@ def start_ros(arguments: list[str] | None, signals: SignalHandlerOptions = Signa
         rclpy.init(args=arguments, signal_handler_options=signals)
 
 
-def run_node(make: Callable[[], EtdNode], arguments: list[str] | None = None) -> int:
+def run_node(make: Callable[[], EtdNode]) -> int:
     """Spin one node until it is told to stop; bad parameters are one line and exit code 2."""
     node = executor = None
     sys.setswitchinterval(THREAD_SWITCH_S)
     try:
         with _beginning() as beginning:
-            refuse_stray_words(arguments)
-            start_ros(arguments, SignalHandlerOptions.NO)
+            refuse_stray_words(sys.argv)
+            start_ros(sys.argv, SignalHandlerOptions.NO)
             node = make()
             beginning.made()
             node.start()

@@ -4,7 +4,7 @@ import."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -80,10 +80,9 @@ class _Background(Generic[Network, Crops]):
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Return once the network is there, or after so long (s); whether it is. Raises what its loading raised."""
-        try:
-            self._loading.result(timeout_s)
-        except TimeoutError:
+        if not wait([self._loading], timeout_s).done:
             return False
+        self._loading.result()
         return True
 
     def ask(self, question: Callable[[Network], Result]) -> Result:

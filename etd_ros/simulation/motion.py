@@ -71,11 +71,6 @@ class Path:
         rows = np.stack(columns, axis=1)
         return cls([Waypoint(time_s, *row) for time_s, row in zip(times.tolist(), rows.tolist(), strict=True)])
 
-    @property
-    def stands_still(self) -> bool:
-        """Whether it is at one place for ever."""
-        return self._spline is None or bool((self._values == self._values[0]).all())
-
     def poses(self, times_s: FloatArray) -> FloatArray:
         """Rows x, y, scale, angle at times (s, shape (n,)), float64, shape (n, 4).
 

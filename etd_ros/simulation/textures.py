@@ -13,6 +13,7 @@ Texture = npt.NDArray[np.float64]
 """Intensity, float64, shape (h, w), within [DARK, BRIGHT]."""
 
 DARK, BRIGHT = 0.15, 1.0
+BLOBS = 7
 
 
 def smooth_noise(rng: np.random.Generator, height: int, width: int, *, grain: float = 3.0) -> Texture:
@@ -30,11 +31,11 @@ def stripes(rng: np.random.Generator, height: int, width: int, *, period: float 
     return _stretched(np.tanh(3 * wave) + 0.2 * (smooth_noise(rng, height, width) - 0.5))
 
 
-def blobs(rng: np.random.Generator, height: int, width: int, *, count: int = 7) -> Texture:
+def blobs(rng: np.random.Generator, height: int, width: int) -> Texture:
     """Round spots, bright and dark, on grey."""
     y, x = np.mgrid[0:height, 0:width]
     surface = np.zeros((height, width))
-    for sign in np.where(np.arange(count) % 2, 1.0, -1.0):
+    for sign in np.where(np.arange(BLOBS) % 2, 1.0, -1.0):
         row, column = rng.uniform(0, height), rng.uniform(0, width)
         radius = rng.uniform(0.12, 0.22) * min(height, width)
         surface += sign / (1 + np.exp(np.hypot(x - column, y - row) - radius))

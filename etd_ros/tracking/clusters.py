@@ -12,9 +12,8 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.discovery_kernels import AGE, Float32Array, Int32Array, X, Y, label_cells
 from etd_ros.tracking.recent_events import CELL_PX, RecentEvents
 
-CELL_EVENTS_MIN = 2
-EVENTS_MIN = 25
-"""Fewer events than this are no object."""
+CELL_EVENTS_MIN, EVENTS_MIN = 2, 25
+"""Fewer events are no cell of a cluster, and no object."""
 CLUSTERS_MAX = 64
 """Only so many clusters are looked at, those with the most events: rain is not a crowd."""
 TRIM = 0.01
@@ -66,14 +65,13 @@ class Clusters:
         self._labels: Int32Array = np.zeros_like(events.counts)
         self._stack = np.zeros((events.counts.size, 2), np.int32)
 
-    def find(self, points: Float32Array, *, cell_events_min: int = CELL_EVENTS_MIN) -> list[Sighting]:
+    def find(self, points: Float32Array) -> list[Sighting]:
         """What moves.
 
         Args:
             points: from the last call of `RecentEvents.points`.
-            cell_events_min: fewest events of a cell of CELL_PX pixels' side that belongs to a cluster.
         """
-        number = label_cells(self._events.counts, cell_events_min, self._labels, self._stack)
+        number = label_cells(self._events.counts, CELL_EVENTS_MIN, self._labels, self._stack)
         cells = points[:, [Y, X]].astype(np.int32) // CELL_PX
         of_point = self._labels[cells[:, 0], cells[:, 1]]
         numbers = np.bincount(of_point, minlength=number + 1)

@@ -32,7 +32,7 @@ CAMERA_LOOKS = 2
 """Before a still camera, every so many looks at a busy sensor ask whether it moves."""
 MEMORY, FIRST_MEMORY, CAMERA_STARTS, CAMERA_STOPS = 0.6, 0.6, 0.45, 0.2
 """The camera moves from when, in this fading memory of looks, so many said so, until few of them do; a
-first look that has to decide at once counts twice."""
+first look that has to decide at once counts half as much again."""
 FLOCK_MIN, FLOCK_SHARE, FLOCK_EXTENT = 4, 0.5, 0.3
 """So many things that move alike, this share of all, over so much of the sensor are its background."""
 FLOCK_TOLERANCE, FLOCK_TOLERANCE_PX_S, FLOCK_ERRORS = 0.25, 15.0, 2.0
@@ -58,9 +58,7 @@ class DiscoveryConfig(Parameters):
     gone_s: float = parameter(
         1.0, "A target that started by itself is dropped when it was not tracked for longer (s).", low=0.0, high=3600.0
     )
-    click_wait_s: float = parameter(
-        2.0, "How long a click waits for something to move there (s).", low=0.0, high=3600.0
-    )
+    click_wait_s: float = parameter(2.0, "How long a click waits for the object there (s).", low=0.0, high=3600.0)
 
 
 class Discovery:

@@ -33,7 +33,8 @@ class MultiTracker:
         height: sensor height (pixels).
         config: parameters of every target.
         detector: makes the proposals.
-        recovery_factory: makes one recovery tracker a target; None: a failed target stays lost.
+        recovery_factory: makes one recovery tracker a target; None: a failed target stays lost, unless its contours are
+            found.
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
         searches: whether reports say how each target was looked for, to be drawn.
         starter: starts targets without a box: at clicks, or by themselves.
@@ -103,7 +104,6 @@ class MultiTracker:
         Raises:
             TrackingError: the name is unusable or taken, or the stamp is negative.
             BoxError: the box is not finite, has a side below SIDE_MIN_PX or lies off the sensor.
-            RecoveryError: its recovery tracker cannot be made.
         """
         self._check_free(name)
         self._targets[name] = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
@@ -112,7 +112,7 @@ class MultiTracker:
         """Track a target from another box on, or a new one; where that is refused, what is tracked goes on.
 
         Raises:
-            TrackingError, BoxError, RecoveryError: as `start` does.
+            TrackingError, BoxError: as `start` does.
         """
         made = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
         if name in self._targets or name in self.waiting_clicks:
@@ -140,7 +140,7 @@ class MultiTracker:
         )
 
     def click(self, click: Click) -> None:
-        """Track the moving object round a point, once something moves there; `take_notices` says if nothing does.
+        """Track the object round a point, once events come there; `take_notices` says if it starts nothing.
 
         Raises:
             TrackingError: the name is unusable or taken, the point lies off the sensor, the stamp is negative, or this
@@ -154,7 +154,7 @@ class MultiTracker:
 
     @property
     def waiting_clicks(self) -> list[str]:
-        """The names of the clicks at which nothing has moved yet."""
+        """The names of the clicks that have started nothing yet."""
         return [click.name for click in self._starter.waiting_clicks] if self._starter is not None else []
 
     def take_notices(self) -> list[str]:

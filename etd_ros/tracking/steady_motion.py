@@ -9,7 +9,7 @@ import numpy as np
 from etd_ros.tracking.contour_kernels import Float64Array
 
 STEADY_S = 1.0
-"""What has been seen to move for so long, without a break, is known to go on: most things change sooner."""
+"""What has been seen surely for so long, in all since it was found, is known to go on: most things change sooner."""
 SPAN_S = 0.3
 """Mean and spread are averages over this time."""
 SPREADS, SLACK_PX_S, SLACK_SHARE = 8.0, 8.0, 0.03

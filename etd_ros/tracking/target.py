@@ -67,8 +67,8 @@ class TrackerConfig(Parameters):
     )
     lost_search_interval: int = parameter(
         10,
-        "A lost target is searched on every so many-th frame, and on each while the last search saw what may be it. "
-        "Lower finds it sooner and costs more.",
+        "etd: a lost target is searched on every so many-th frame, and on each while the last search saw what may be "
+        "it. Lower finds it sooner and costs more.",
         low=1,
         high=10_000,
     )
@@ -95,8 +95,9 @@ class TargetReport:
         name: its name.
         state: where it stands.
         box: its box (pixels), while TRACKING; else None.
-        score: IoU with its box on the frame before, or what the recovery tracker gave if that found it on this frame;
-            0 while there is no box.
+        score: how sure the box is, 0 to 1. `etd`: IoU with its box on the frame before; `etd-plus`: confidence of the
+            last look, 0 where it has no events. What the recovery tracker gave if that found it on this frame; 0 while
+            there is no box.
         search: how it was looked for; only where that was asked for, and the target has started.
     """
 

@@ -6,7 +6,6 @@ from scipy.integrate import quad
 
 from etd_ros.systems.eco.fourier import (
     Interpolation,
-    cubic_kernel,
     cubic_kernel_spectrum,
     inner,
     label_spectrum,
@@ -16,6 +15,14 @@ from etd_ros.systems.eco.fourier import (
 from etd_ros.systems.eco.localisation import find_peak
 
 A = -0.75
+
+
+def cubic_kernel(x, a):
+    """Cubic convolution kernel (Keys 1981): 1 at 0, and 0 at every other whole number."""
+    distance = np.abs(x)
+    near = (a + 2) * distance**3 - (a + 3) * distance**2 + 1
+    far = a * (distance**3 - 5 * distance**2 + 8 * distance - 4)
+    return np.where(distance <= 1, near, np.where(distance < 2, far, 0.0))
 
 
 def values_at(spectrum, rows, columns):

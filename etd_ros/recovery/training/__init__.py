@@ -1,1 +1,1 @@
-"""Training of the compact network on simulated sequences; imported by `train` only, never by the trackers."""
+"""Training of the compact network and of SiamFC on simulated sequences; never imported by the trackers."""

@@ -4,4 +4,4 @@ from etd_ros.errors import EtdError
 
 
 class TrainingError(EtdError):
-    """A training that cannot start or go on: settings, cache, checkpoint, or missing libraries."""
+    """A training that cannot start or go on: settings, cache, or checkpoint."""

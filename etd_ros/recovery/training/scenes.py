@@ -13,7 +13,8 @@ from etd_ros.simulation import Recipe, Scene, SensorConfig, Sprite, make_scene
 WIDTH, HEIGHT = 240, 180
 DURATION_S = 1.6
 SIDE_PX = (13.0, 100.0)
-"""Of the things: an exemplar is brought to one size, so larger ones look the same, with less noise."""
+"""Middles of what the things of a scene have, whose largest is half as large again: an exemplar is brought to one size,
+so larger ones look the same, with less noise."""
 SPEED_PX_S_MEDIAN = 150.0
 STEP_S, STEP_PX = 0.005, 0.6
 TWIN_SHARE = 0.5

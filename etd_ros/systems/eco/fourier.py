@@ -20,16 +20,9 @@ Spectra = list[Spectrum]
 """One spectrum of shape (channels, 2 K + 1, K + 1) for each kind of feature."""
 
 
-def cubic_kernel(x: npt.NDArray[np.float64], a: float) -> npt.NDArray[np.float64]:
-    """Cubic convolution kernel (Keys 1981): 1 at 0, and 0 at every other whole number."""
-    distance = np.abs(x)
-    near = (a + 2) * distance**3 - (a + 3) * distance**2 + 1
-    far = a * (distance**3 - 5 * distance**2 + 8 * distance - 4)
-    return np.where(distance <= 1, near, np.where(distance < 2, far, 0.0))
-
-
 def cubic_kernel_spectrum(frequency: npt.NDArray[np.float64], a: float) -> npt.NDArray[np.float64]:
-    """Fourier transform of `cubic_kernel` (Park and Schowengerdt 1983); frequency in 1 / sample."""
+    """Fourier transform of the cubic convolution kernel of Keys (1981; Park and Schowengerdt 1983); frequency in
+    1 / sample."""
     f = np.where(frequency == 0, 1.0, frequency)
     own = 3 * (np.sinc(f) ** 2 - np.sinc(2 * f))
     of_a = 2 * a * (3 * np.sinc(2 * f) ** 2 - 2 * np.sinc(2 * f) - np.sinc(4 * f))
