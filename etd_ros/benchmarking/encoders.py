@@ -17,6 +17,9 @@ NS_PER_S = 1_000_000_000
 FRAME_ID = "event_camera"
 ARRAY_LAYOUTS = {"event_array_ros2": Layout.ROS2, "event_array_ros1": Layout.ROS1}
 EVT3_MASK_BITS, LIBCAER_CMP_MASK_BITS = 12, 8
+HIGH_US, EVT3_HIGH_US = 4096, 16
+"""A high time is said when it changes; by Prophesee's sensors once in 16 us, as the recording of a driver has it (every
+16 us in the mean)."""
 
 ROS1_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("sec", "<u4"), ("nsec", "<u4"), ("polarity", "u1")])
 """An event of a ROS 1 EventArray: 13 bytes, packed."""
@@ -79,7 +82,7 @@ def evt3_payload(events: Events, origin_ns: int) -> bytes:
     groups = _Groups(us, events.y, events.p, events.x, EVT3_MASK_BITS)
     high, low = 0x8000 | groups.us >> 12 & 0xFFF, 0x6000 | groups.us & 0xFFF
     single, base = 0x2000 | groups.polarity << 11 | groups.first, 0x3000 | groups.polarity << 11 | groups.base
-    return groups.payload(high, low, groups.line, single, base, 0x4000 | groups.mask)
+    return groups.payload(high, low, groups.line, single, base, 0x4000 | groups.mask, EVT3_HIGH_US)
 
 
 def libcaer_cmp_payload(events: Events, time_base_ns: int) -> bytes:
@@ -88,7 +91,7 @@ def libcaer_cmp_payload(events: Events, time_base_ns: int) -> bytes:
     groups = _Groups(us, events.x, events.p, events.y, LIBCAER_CMP_MASK_BITS)
     high, low = groups.us >> 12 & 0xFFF, 0x1000 | groups.us & 0xFFF
     single, base = 0x3000 | groups.polarity << 11 | groups.first, 0x4000 | groups.polarity << 11 | groups.base
-    return groups.payload(high, low, 0x2000 | groups.line, single, base, 0x5000 | groups.mask)
+    return groups.payload(high, low, 0x2000 | groups.line, single, base, 0x5000 | groups.mask, HIGH_US)
 
 
 def libcaer_payload(events: Events, time_base_ns: int) -> bytes:
@@ -159,13 +162,22 @@ class _Groups:
         self.mask = np.bitwise_or.reduceat(1 << pixel % bits, starts)
 
     def payload(
-        self, high: IntArray, low: IntArray, line: IntArray, single: IntArray, base: IntArray, mask: IntArray
+        self,
+        high: IntArray,
+        low: IntArray,
+        line: IntArray,
+        single: IntArray,
+        base: IntArray,
+        mask: IntArray,
+        high_us: int,
     ) -> bytes:
-        """The words of all groups; time and line are said where they change, base and mask where there are several."""
+        """The words of all groups: a high time for the first one in each `high_us`, low time and line where they change,
+        base and mask where there are several pixels."""
+        is_new_high = _changes([self.us // high_us])
         is_new_time, is_new_line = _changes([self.us]), _changes([self.us, self.line])
         is_single = self.mask & (self.mask - 1) == 0
         words = np.stack([high, low, line, np.where(is_single, single, base), mask], axis=1)
-        said = np.stack([is_new_time, is_new_time, is_new_line, np.ones_like(is_single), ~is_single], axis=1)
+        said = np.stack([is_new_high, is_new_time, is_new_line, np.ones_like(is_single), ~is_single], axis=1)
         return bytes(words[said].astype("<u2"))
 
 

@@ -21,9 +21,9 @@ single event, time low, a time high said again) all do the same work, an event i
 a single event is counted, so that the next word's overwrites the others'. Likewise masks write a few events at a time
 and count those they have.
 
-Where events are few, each has a time and a row of its own, and mostly a time high said again before: there the next
-word can be foreseen, and three or four of them are taken at once (`_decode_regular`), until something else comes. Then
-the other way goes on for a while, the longer the shorter such runs have been.
+Where each event has a time and a row of its own, with or without the time high said again before, the next word can be
+foreseen in long runs: there three or four of them are taken at once (`_decode_regular`), until something else comes.
+Then the other way goes on for a while, twice as long each time unless such a run has come meanwhile.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ from msg_adapters.codecs.words import (
     events_on_sensor,
     set_bits,
 )
+from msg_adapters.layout import MessageError
 
 CODE_SHIFT, VALUE_MASK = 12, 0xFFF
 Y, SINGLE_X, BASE_X, MASK_12, MASK_8, TIME_LOW = 0x0, 0x2, 0x3, 0x4, 0x5, 0x6
@@ -65,13 +66,15 @@ STEP_BACK_MAX = 10
 """A time high that falls by more than this many units of 4096 us has wrapped."""
 
 WORD_BITS = 16
-REGULAR_CODES = TIME_LOW << CODE_SHIFT | Y << CODE_SHIFT + WORD_BITS | SINGLE_X << CODE_SHIFT + 2 * WORD_BITS
 CODES_MASK = 0xF000F000F000
-"""Where the codes of three successive words are, the first in the lowest bits, and what they are in a regular run."""
+"""Where the codes of three successive words are, the first in the lowest bits."""
+REGULAR_CODES = TIME_LOW << CODE_SHIFT | Y << CODE_SHIFT + WORD_BITS | SINGLE_X << CODE_SHIFT + 2 * WORD_BITS
+"""What they are in a regular run."""
 RUN_WORDS_MIN = 64
 """A regular run of so many words is worth looking for the next one soon."""
 MIXED_WORDS_MIN, MIXED_WORDS_MAX = 64, 1 << 20
-"""So many words are decoded one by one before a regular run is looked for again; each message begins with a look."""
+"""So many words, and those up to the next single event, are decoded one by one before a regular run is looked for
+again; each message begins with a look."""
 
 # A table over the 16 codes: which bits must be those of the last time high for the word to be a frequent one. The
 # compiler cannot see through it; if it could, it would make branches of it.
@@ -82,8 +85,8 @@ _RARE = np.array([0 if code in _FREQUENT else 0xFFFF for code in range(16)], np.
 _BITS_SET = bits_set(MASK_12_BITS)
 _SET_BITS = set_bits(MASK_12_BITS)
 
-# Slots of the state that lasts across payloads. The time low is kept in ns; the last one says how many words are to be
-# decoded one by one next.
+# Slots of the state that lasts across payloads. The time low is kept in ns; the last one says after how many words
+# decoded one by one a regular run was looked for last.
 _LOOP, _HIGH, _LOW_NS, _SYNC, _ROW, _BASE_COLUMN, _POLARITY, _MIXED_WORDS = range(8)
 _STATE_SIZE = 8
 
@@ -105,14 +108,22 @@ class Evt3Decoder:
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_16)
         skipped_before = 0
-        if not self._is_time_known:
-            known_from, sync = _find_time(words, self._state[_SYNC])
-            *_, skipped_before = self._columns(words[:known_from], width, height)
-            # Only now: a message that is refused says nothing.
-            self._state[_SYNC] = sync
-            self._is_time_known = sync == _TIME_KNOWN
-            words = words[known_from:]
-        columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
+        is_time_known = self._is_time_known
+        before = None if is_time_known else self._state.copy()
+        try:
+            if not is_time_known:
+                known_from, sync = _find_time(words, self._state[_SYNC])
+                *_, skipped_before = self._columns(words[:known_from], width, height)
+                self._state[_SYNC] = sync
+                is_time_known = sync == _TIME_KNOWN
+                words = words[known_from:]
+            columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
+        except MessageError:
+            # A message that is refused says nothing.
+            if before is not None:
+                self._state[:] = before
+            raise
+        self._is_time_known = is_time_known
         return DecodedWords(
             events_on_sensor(columns, count, off_sensor, width, height),
             _last_as_triggers(columns, trigger_count) if trigger_count else Triggers.empty(),
@@ -206,6 +217,9 @@ def _decode_all(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
         mixed_words = 0 if i - before >= RUN_WORDS_MIN else 2 * mixed_words
         mixed_words = min(max(mixed_words, MIXED_WORDS_MIN), MIXED_WORDS_MAX)
         stop = min(end, i + np.uint64(mixed_words))
+        # Groups end with a single event: in the middle of one none would be seen.
+        while stop < end and words[stop - np.uint64(1)].word >> CODE_SHIFT != SINGLE_X:
+            stop += np.uint64(1)
         if i < stop:
             count, trigger_count, skipped = _decode_mixed(
                 words, i, stop, state, t, x, y, p, count, trigger_count, skipped
@@ -218,7 +232,8 @@ def _decode_all(words, state, t, x, y, p):  # type: ignore[no-untyped-def]
 @kernel_part
 def _decode_regular(words, i, state, t, x, y, p, count):  # type: ignore[no-untyped-def]
     """Decode words from i on as long as they are a time low, a row and a single event, with or without the last time
-    high before them; the index of the first other one, and the number of events."""
+    high before them and four words are left; the index of the first one that is not decoded, and the number of
+    events."""
     high = state[_HIGH]
     high_word = np.uint64(TIME_HIGH << CODE_SHIFT | high)
     high_ns = 1000 * (state[_LOOP] << TIME_BITS | high << CODE_SHIFT)

@@ -167,12 +167,36 @@ def test_evt3_triggers_are_kept_when_the_next_message_is_decoded():
     assert (triggers.t.tolist(), triggers.id.tolist(), triggers.edge.tolist()) == ([9000], [3], [1])
 
 
-def test_evt3_learns_no_time_from_a_message_that_is_refused():
+@pytest.mark.parametrize("is_time_first", [False, True])
+def test_evt3_learns_nothing_from_a_message_that_is_refused(is_time_first):
     codec = Evt3Decoder()
+    time, masks = [0x8001, 0x6002, 0x0007, 0x3009], [0x4FFF] * (MESSAGE_EVENTS_MAX // 12 + 1)
     with pytest.raises(MessageError, match="smaller messages"):
-        codec.decode(words("H", [*[0x4FFF] * (MESSAGE_EVENTS_MAX // 12 + 1), 0x8001, 0x6002]), WIDTH, HEIGHT)
+        codec.decode(words("H", [*time, *masks] if is_time_first else [*masks, *time]), WIDTH, HEIGHT)
     for _ in range(2):
         assert len(codec.decode(words("H", [0x0005, 0x2005]), WIDTH, HEIGHT).events) == 0
+    told = codec.decode(words("H", [0x8000, 0x6001, 0x4001]), WIDTH, HEIGHT)
+    assert rows_of(told.events) == [(1000, 0, 5, 0)]
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        pytest.param([[0x8FFF, 0x6000, 0x8000], [0x8000, 0x6001, 0x0005, 0x2003] * 3], id="after a wrap"),
+        pytest.param(
+            [[0x8001, 0x6000, *[0x8001, 0x6001, 0x0005, 0x2003] * 3, 0x2004, 0x4001]], id="then its row again"
+        ),
+        pytest.param([[0x8001, 0x6000, *[0x6001, 0x0805, 0x2803] * 3, 0x2804]], id="with a system type beside the row"),
+        pytest.param(
+            [[0x8001, 0x6000], *[[0x0005, 0x2003, 0x8001, 0x6001] * 40] * 3], id="cut in the middle of a group"
+        ),
+        pytest.param([[0x8001, 0x6000], [0x6001, 0x0005, 0x2003], [0x2004], [0x6002, 0x0006]], id="in short messages"),
+    ],
+)
+def test_evt3_goes_on_where_a_run_of_times_rows_and_events_ends(messages):
+    codec = Evt3Decoder()
+    found = [row for said in messages for row in rows_of(codec.decode(words("H", said), 1000, 700).events)]
+    assert found == decode_evt3(words("H", [word for said in messages for word in said]), 1000, 700)[0]
 
 
 def test_evt3_triggers_that_are_kept_keep_no_events():
