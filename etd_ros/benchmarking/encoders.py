@@ -171,7 +171,7 @@ class _Groups:
         mask: IntArray,
         high_us: int,
     ) -> bytes:
-        """The words of all groups: a high time for the first one in each `high_us`, low time and line where they change,
+        """The words of all groups: a high time for the first in each `high_us`, low time and line where they change,
         base and mask where there are several pixels."""
         is_new_high = _changes([self.us // high_us])
         is_new_time, is_new_line = _changes([self.us]), _changes([self.us, self.line])
