@@ -18,8 +18,8 @@ FRAME_ID = "event_camera"
 ARRAY_LAYOUTS = {"event_array_ros2": Layout.ROS2, "event_array_ros1": Layout.ROS1}
 EVT3_MASK_BITS, LIBCAER_CMP_MASK_BITS = 12, 8
 HIGH_US, EVT3_HIGH_US = 4096, 16
-"""A high time is said when it changes; by Prophesee's sensors once in 16 us, as the recording of a driver has it (every
-16 us in the mean)."""
+"""How often a high time is said: when it changes; by Prophesee's sensors every 16 us in the mean (recording of a
+driver)."""
 
 ROS1_EVENT = np.dtype([("x", "<u2"), ("y", "<u2"), ("sec", "<u4"), ("nsec", "<u4"), ("polarity", "u1")])
 """An event of a ROS 1 EventArray: 13 bytes, packed."""

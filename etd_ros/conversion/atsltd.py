@@ -160,6 +160,7 @@ class AtsltdConverter(AccumulatingConverter):
         step = self._accumulator.accept_and_advance(
             events, self._min_duration_ns, self._max_duration_ns, config.nzge_interval[0], config.check_stride
         )
+        # All events are added, and none ended the frame: NZGE would be alpha or more.
         return _NO_FRAMES if step == (len(events.t), 0, 0) else self._frames(events, step)
 
     def _begin_frame(self) -> None:

@@ -13,8 +13,8 @@ from etd_ros.tracking.target import FrameData, TargetState
 REMEMBER_NS = 25_000_000
 SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
 """After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
-answer counts from the next search on. What may be the target is looked at again as soon as while
-it is recovering: several images have to agree on where it is, and it moves."""
+answer counts from the next search on. What may be the target is looked at again as soon as while it is recovering:
+several images have to agree on where it is, and it moves."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 

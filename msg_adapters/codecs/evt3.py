@@ -107,27 +107,28 @@ class Evt3Decoder:
     def decode(self, payload: Payload, width: int, height: int, time_base_ns: int = 0) -> DecodedWords:  # noqa: ARG002
         """See `WordDecoder.decode`; `time_base_ns` is unused, times are the sensor's own."""
         words = as_words(payload, WORD_16)
-        skipped_before = 0
-        is_time_known = self._is_time_known
-        before = None if is_time_known else self._state.copy()
+        if self._is_time_known:
+            return self._decoded(words, width, height)
+        before = self._state.copy()
         try:
-            if not is_time_known:
-                known_from, sync = _find_time(words, self._state[_SYNC])
-                *_, skipped_before = self._columns(words[:known_from], width, height)
-                self._state[_SYNC] = sync
-                is_time_known = sync == _TIME_KNOWN
-                words = words[known_from:]
-            columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
+            known_from, sync = _find_time(words, self._state[_SYNC])
+            *_, skipped = self._columns(words[:known_from], width, height)
+            self._state[_SYNC] = sync
+            decoded = self._decoded(words[known_from:], width, height)
         except MessageError:
             # A message that is refused says nothing.
-            if before is not None:
-                self._state[:] = before
+            self._state[:] = before
             raise
-        self._is_time_known = is_time_known
+        self._is_time_known = sync == _TIME_KNOWN
+        return decoded._replace(skipped_words=skipped + decoded.skipped_words)
+
+    def _decoded(self, words: npt.NDArray[np.void], width: int, height: int) -> DecodedWords:
+        """What words hold of which the time is known."""
+        columns, off_sensor, count, trigger_count, skipped = self._columns(words, width, height)
         return DecodedWords(
             events_on_sensor(columns, count, off_sensor, width, height),
             _last_as_triggers(columns, trigger_count) if trigger_count else Triggers.empty(),
-            skipped + skipped_before,
+            skipped,
             off_sensor,
         )
 

@@ -101,6 +101,10 @@ def test_evt3_returns_what_was_encoded_over_wraps_of_its_time(events, mask_bits)
     assert rows_of(Evt3Decoder().decode(evt3_payload(events, mask_bits), WIDTH, HEIGHT).events) == events
 
 
+def joined(parts):
+    return [word for part in parts for word in part]
+
+
 EVT3_ANY_WORD = st.one_of(
     st.integers(0, 0xFFFF),
     st.builds(lambda code, value: code << 12 | value, st.sampled_from([2, 3, 4, 5, 6, 8]), st.integers(0, 0xFFF)),
@@ -112,11 +116,9 @@ EVT3_REGULAR_RUN = st.lists(
         *[st.integers(0, 0xFFF)] * 3,
     ),
     max_size=40,
-).map(lambda groups: [word for group in groups for word in group])
-"""A time, a row and an event each, as a sensor that sees little says them."""
-EVT3_WORDS = st.lists(st.one_of(EVT3_ANY_WORD.map(lambda word: [word]), EVT3_REGULAR_RUN), max_size=50).map(
-    lambda parts: [word for part in parts for word in part]
-)
+).map(joined)
+"""A time, a row and an event each."""
+EVT3_WORDS = st.lists(st.one_of(EVT3_ANY_WORD.map(lambda word: [word]), EVT3_REGULAR_RUN), max_size=50).map(joined)
 
 
 @EXAMPLES
@@ -196,7 +198,7 @@ def test_evt3_learns_nothing_from_a_message_that_is_refused(is_time_first):
 def test_evt3_goes_on_where_a_run_of_times_rows_and_events_ends(messages):
     codec = Evt3Decoder()
     found = [row for said in messages for row in rows_of(codec.decode(words("H", said), 1000, 700).events)]
-    assert found == decode_evt3(words("H", [word for said in messages for word in said]), 1000, 700)[0]
+    assert found == decode_evt3(words("H", joined(messages)), 1000, 700)[0]
 
 
 def test_evt3_triggers_that_are_kept_keep_no_events():
