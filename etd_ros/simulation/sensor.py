@@ -29,8 +29,17 @@ class SensorConfig(Parameters):
 
     contrast_threshold: float = parameter(0.25, "change of log intensity that makes an event", low=0.02, high=2.0)
     threshold_spread: float = parameter(0.03, "standard deviation of the threshold over pixels", low=0.0, high=0.5)
+    threshold_bias: float = parameter(
+        0.0, "how much larger thresholds of falling light are than those of rising light (natural logarithm)",
+        low=-2.0, high=2.0,
+    )  # fmt: skip
     refractory_s: float = parameter(0.0005, "dead time of a pixel after an event (s)", low=0.0, high=1.0)
     noise_rate_hz: float = parameter(2000.0, "background events of the whole sensor (events/s)", low=0.0, high=1e6)
+    leak_rate_hz: float = parameter(
+        0.0, "events of rising light that come without a change, of the whole sensor (events/s)", low=0.0, high=1e6
+    )
+    hot_pixels: int = parameter(0, "pixels that fire all the time", low=0, high=100_000)
+    hot_pixel_rate_hz: float = parameter(200.0, "events of each of them (events/s)", low=0.0, high=1e5)
     step_s: float = parameter(0.001, "time between renderings (s); the longest where they adapt", low=1e-5, high=0.1)
     step_px: float = parameter(
         0.0, "motion between renderings (pixels) that shortens their time; 0: all are step_s long", low=0.0, high=10.0
@@ -51,18 +60,20 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
     shape = (scene.height, scene.width)
     spread = config.threshold_spread * rng.standard_normal((2, *shape))
     thresholds = np.maximum(config.contrast_threshold + spread, config.contrast_threshold / 4)
+    thresholds *= np.exp(config.threshold_bias * np.array([0.5, -0.5]))[:, None, None]
     times_us = step_times_us(scene, step_s=config.step_s, step_px=config.step_px)
     renderer = Renderer(scene, times_us / 1e6)
     renderer.advance(0)
     # Each pixel starts somewhere between two events, or all would wait equally long for their first.
     reference = renderer.after + thresholds[0] * rng.uniform(-1, 1, shape) / 2
     pixels = _Pixels(thresholds, reference, round(config.refractory_s * 1e6))
+    hot = rng.integers(0, reference.size, config.hot_pixels)
     for number, (first_us, end_us) in enumerate(zip(times_us[:-1].tolist(), times_us[1:].tolist(), strict=True), 1):
         renderer.advance(number)
         # Thresholds that differ by polarity may make pixels fire at the start that nothing moved in.
         tiles = renderer.changed if number > 1 else np.ones_like(renderer.changed)
         signal = pixels.events(renderer.before, renderer.after, tiles, first_us, end_us)
-        batch = np.concatenate([signal, _noise(rng, config, scene, first_us, end_us)])
+        batch = np.concatenate([signal, _noise(rng, config, scene, hot, first_us, end_us)])
         if len(batch):
             batch = batch[np.argsort(batch["t"], kind="stable")]
             batch["t"] = start_ns + batch["t"] * NS_PER_US
@@ -70,14 +81,25 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
 
 
 def _noise(
-    rng: np.random.Generator, config: SensorConfig, scene: Scene, first_us: int, end_us: int
+    rng: np.random.Generator,
+    config: SensorConfig,
+    scene: Scene,
+    hot: npt.NDArray[np.int64],
+    first_us: int,
+    end_us: int,
 ) -> npt.NDArray[np.void]:
-    count = rng.poisson(config.noise_rate_hz * (end_us - first_us) / 1e6)
+    """Events without a cause, anywhere and of any polarity, of leaking pixels, and of the hot ones (flat indices)."""
+    rates_hz = config.noise_rate_hz, config.leak_rate_hz, len(hot) * config.hot_pixel_rate_hz
+    anywhere, leaked, of_hot = rng.poisson(np.array(rates_hz) * (end_us - first_us) / 1e6).tolist()
+    count = anywhere + leaked + of_hot
     noise = np.empty(count, EVENT_DTYPE)
     noise["t"] = rng.integers(first_us, end_us, count)
     noise["x"] = rng.integers(0, scene.width, count)
     noise["y"] = rng.integers(0, scene.height, count)
     noise["p"] = rng.integers(0, 2, count)
+    noise["p"][anywhere : anywhere + leaked] = 1
+    if of_hot:
+        noise["y"][-of_hot:], noise["x"][-of_hot:] = np.divmod(rng.choice(hot, of_hot), scene.width)
     return noise
 
 

@@ -90,8 +90,28 @@ def compare(network: Compact, exemplars: Tensor, sizes: Tensor, windows: Tensor)
     kernels, seen = network.remember(exemplars, sizes), network.look(windows)
     shifts = range(max(2, min(OTHERS + 1, len(exemplars))))
     rolled = torch.cat([kernels.score.roll(shift, 0) for shift in shifts])
-    logits = network.score(rolled, seen.score.repeat(len(shifts), 1, 1, 1))[:, 0].unflatten(0, (len(shifts), -1))
-    return Comparison(Response(logits[0], network.box(kernels.box, seen.box)), logits[1:])
+    logits = network.score.head(correlated(rolled, seen.score))[:, 0].unflatten(0, (len(shifts), -1))
+    return Comparison(Response(logits[0], network.box.head(correlated(kernels.box, seen.box))), logits[1:])
+
+
+def correlated(kernels: Tensor, windows: Tensor) -> Tensor:
+    """Each channel of k kernels for each of n windows with that channel of the window, the windows in turn.
+
+    The convolution that the network runs with, as products of matrices: its gradient takes a GPU many times as long.
+
+    Args:
+        kernels: shape (k * n, channels, side, side).
+        windows: shape (n, channels, rows, columns).
+
+    Returns:
+        Shape (k * n, channels, rows - side + 1, columns - side + 1).
+    """
+    (count, channels), side = windows.shape[:2], kernels.shape[-1]
+    patches = windows.unfold(2, side, 1).unfold(3, side, 1)
+    rows, columns = patches.shape[2:4]
+    flat = patches.reshape(count * channels, rows * columns, side * side)
+    products = flat @ kernels.reshape(-1, count * channels, side * side).permute(1, 2, 0)
+    return products.permute(2, 0, 1).reshape(-1, channels, rows, columns)
 
 
 def losses_of(comparison: Comparison, sizes: Tensor, boxes: Tensor, visible: Tensor) -> Losses:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.reconstruction import HighPassConfig
-from etd_ros.simulation import Recipe, Scene, SensorConfig, Sprite, make_scene
+from etd_ros.recovery.training.depth_scenes import depth_scene
+from etd_ros.simulation import Recipe, Scene, SensorConfig, make_scene
 
 WIDTH, HEIGHT = 240, 180
 DURATION_S = 1.6
@@ -19,6 +20,11 @@ SPEED_PX_S_MEDIAN = 150.0
 STEP_S, STEP_PX = 0.005, 0.6
 TWIN_SHARE = 0.5
 """Of scenes with several things, one wears another's surface turned over: hard to tell apart, but not impossible."""
+DEPTH_SHARE = 0.5
+"""Of situations, what a camera sees that passes things at several depths."""
+FLAWED_SHARE = 0.5
+"""Of sensors, those with hot pixels; and with leaking ones."""
+THRESHOLD_BIAS = 0.2
 KINDS = ("ball", "dartboard", "car", "irregular", "plain", "panel", "picture", "picture", "picture")
 BACKGROUNDS = ("wall", "cloudy", "clutter", "tiles", "photo", "photo", "photo")
 CAMERAS = ("still", "still", "slide", "shake", "wander", "zoom")
@@ -33,6 +39,20 @@ class Situation:
     reconstruction: HighPassConfig
 
 
+def training_situation(rng: np.random.Generator) -> Situation:
+    """What the recovery network learns from: random situations and scenes in depth, before flawed sensors.
+
+    Raises:
+        SimulationError: as `random_situation`.
+    """
+    if rng.random() < DEPTH_SHARE:
+        scene = depth_scene(rng, WIDTH, HEIGHT, DURATION_S)
+        situation = Situation(_maybe_with_twin(scene, rng), _sensor(rng), _reconstruction(rng))
+    else:
+        situation = random_situation(rng)
+    return dataclasses.replace(situation, sensor=_flawed(situation.sensor, rng))
+
+
 def random_situation(rng: np.random.Generator) -> Situation:
     """A scene of 1.6 s on a 240x180 sensor; `rng` decides everything.
 
@@ -40,12 +60,8 @@ def random_situation(rng: np.random.Generator) -> Situation:
         SimulationError: scikit-image, whose photographs are used, is not installed.
     """
     recipe = _recipe(rng)
-    scene = make_scene(recipe, WIDTH, HEIGHT, rng)
-    if recipe.targets > 1 and rng.random() < TWIN_SHARE:
-        scene = _with_twin(scene, rng)
-    # The default most of the time, as the images it will see are made with it.
-    cutoff_hz = HighPassConfig().cutoff_hz if rng.random() < 0.6 else _log_uniform(rng, 1.0, 10.0)
-    return Situation(scene, recipe.sensor, HighPassConfig(cutoff_hz=cutoff_hz))
+    scene = _maybe_with_twin(make_scene(recipe, WIDTH, HEIGHT, rng), rng)
+    return Situation(scene, recipe.sensor, _reconstruction(rng))
 
 
 def _recipe(rng: np.random.Generator) -> Recipe:
@@ -87,12 +103,31 @@ def _sensor(rng: np.random.Generator) -> SensorConfig:
     )
 
 
-def _with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
-    """The scene with one thing mirrored or turned upside down in another's place."""
+def _flawed(sensor: SensorConfig, rng: np.random.Generator) -> SensorConfig:
+    """The sensor with thresholds that differ by polarity, hot pixels and leaking ones."""
+    is_hot, is_leaking = rng.random(2) < FLAWED_SHARE
+    return dataclasses.replace(
+        sensor,
+        threshold_bias=float(np.clip(rng.normal(0, THRESHOLD_BIAS), -0.6, 0.6)),
+        hot_pixels=int(rng.integers(1, 30)) if is_hot else 0,
+        hot_pixel_rate_hz=_log_uniform(rng, 20, 1000),
+        leak_rate_hz=_log_uniform(rng, 500, 10_000) if is_leaking else 0.0,
+    )
+
+
+def _reconstruction(rng: np.random.Generator) -> HighPassConfig:
+    """The default most of the time, as the images that recovery will see are made with it."""
+    return HighPassConfig(cutoff_hz=HighPassConfig().cutoff_hz if rng.random() < 0.6 else _log_uniform(rng, 1.0, 10.0))
+
+
+def _maybe_with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
+    """The scene, at times with one thing mirrored or turned upside down in another's place."""
+    if len(scene.targets) < 2 or rng.random() >= TWIN_SHARE:
+        return scene
     first, second = rng.choice([index for index, sprite in enumerate(scene.sprites) if sprite.is_target], 2, False)
     model, replaced = scene.sprites[first], scene.sprites[second]
     turned = np.s_[:, ::-1] if rng.random() < 0.5 else np.s_[::-1, ::-1]
-    twin = Sprite(replaced.name, model.texture[turned].copy(), model.opacity[turned].copy(), replaced.path)
+    twin = dataclasses.replace(replaced, texture=model.texture[turned].copy(), opacity=model.opacity[turned].copy())
     sprites = [twin if index == second else sprite for index, sprite in enumerate(scene.sprites)]
     return dataclasses.replace(scene, sprites=tuple(sprites))
 

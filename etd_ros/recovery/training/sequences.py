@@ -14,7 +14,7 @@ import numpy.typing as npt
 from etd_ros.events import concatenate
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.scenes import Situation, random_situation
+from etd_ros.recovery.training.scenes import Situation, training_situation
 from etd_ros.simulation import Scene, simulate, visible_shares
 from etd_ros.simulation.motion import FloatArray
 from etd_ros.simulation.scene import box_of
@@ -56,7 +56,7 @@ def simulated_sequence(seed: int) -> Sequence:
         SimulationError: scikit-image, whose photographs are used, is not installed.
     """
     rng = np.random.default_rng([RANDOM_STREAM, seed])
-    return rendered(random_situation(rng), rng)
+    return rendered(training_situation(rng), rng)
 
 
 def rendered(situation: Situation, rng: np.random.Generator) -> Sequence:
