@@ -23,8 +23,9 @@ TRAINING_STREAM = 5
 """Beside the seed and the step: of no other choice."""
 BATCHES_AHEAD = 2
 """Of each process that cuts pairs; their sequences are waited for as much sooner."""
-NICENESS = 10
-"""The training goes first where they share a core: it waits for sequences only where it has none to draw from."""
+NICENESS, CUTTING_NICENESS = 10, 5
+"""The training goes first where they share a core, then what cuts its pairs: it waits for sequences only where it has
+none to draw from."""
 
 
 class SequenceMaker:
@@ -151,6 +152,7 @@ def _as_it_is(batch: Any) -> Any:
 
 def _begin_cutting(_: int) -> None:
     cv2.setNumThreads(1)
+    os.nice(CUTTING_NICENESS)
     # An interrupted training ends its processes itself.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -201,7 +201,8 @@ class PairSampler:
         gain = float(np.exp(rng.normal(0, self._config.gain)))
         graded = (pixels - mean) * gain + mean + rng.normal(0, BRIGHTNESS_LEVELS)
         if rng.random() < 0.5:
-            graded = graded + rng.normal(0, rng.uniform(0, self._config.noise_levels), pixels.shape)
+            noise = rng.standard_normal(pixels.shape, np.float32)
+            graded = graded + noise * np.float32(rng.uniform(0, self._config.noise_levels))
         return np.asarray(np.clip(np.rint(graded), 0, 255), np.uint8)
 
 
