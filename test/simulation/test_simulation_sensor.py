@@ -1,5 +1,7 @@
 """The simulated sensor against what a moving edge must give, and its noise."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,36 @@ def test_noise_has_its_rate_and_no_favourite_place_or_polarity():
     assert abs(int(events.p.sum()) - expected / 2) < 5 * np.sqrt(expected / 4)
     quadrants = np.bincount((events.x >= 16) + 2 * (events.y >= 12), minlength=4)
     assert (np.abs(quadrants - expected / 4) < 5 * np.sqrt(expected / 4)).all()
+
+
+def test_hot_pixels_fire_all_the_time_each_in_its_place():
+    config = SensorConfig(noise_rate_hz=0.0, hot_pixels=3, hot_pixel_rate_hz=5000.0)
+    events = all_events(still_scene(), config=config)
+    places, counts = np.unique(events.y.astype(int) * 32 + events.x, return_counts=True)
+    assert 1 <= len(places) <= 3
+    assert abs(counts.sum() - 3000) < 5 * np.sqrt(3000)
+    assert counts.min() > 800
+
+
+def test_leaking_pixels_report_light_that_rises():
+    config = SensorConfig(noise_rate_hz=0.0, leak_rate_hz=20_000.0)
+    events = all_events(still_scene(), config=config)
+    assert abs(len(events) - 4000) < 5 * np.sqrt(4000)
+    assert events.p.all()
+    assert len(np.unique(events.y.astype(int) * 32 + events.x)) > 700
+
+
+@pytest.mark.parametrize(("ground", "front", "share"), [(DARK, BRIGHT, np.exp(0.3)), (BRIGHT, DARK, np.exp(-0.3))])
+def test_thresholds_of_falling_light_are_larger_by_the_bias_than_those_of_rising_light(ground, front, share):
+    config = SensorConfig(
+        contrast_threshold=0.1, threshold_spread=0.0, threshold_bias=0.6, refractory_s=0.0, noise_rate_hz=0.0,
+        step_s=0.0001,
+    )  # fmt: skip
+    biased, even = (
+        len(all_events(edge_scene(ground, front), config=config))
+        for config in (config, dataclasses.replace(config, threshold_bias=0.0))
+    )
+    assert biased / even == pytest.approx(share, rel=0.05)
 
 
 def test_a_pixel_rests_for_its_refractory_time():
