@@ -47,7 +47,7 @@ UNTRAINED = "compact before training"
 THRESHOLDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8)
 MARGINS = (0.0, 0.1, 0.2, 0.3, 0.4)
 AGREEING = (1, 2, 3, 4, 5)
-LOST_AT, GAP_IMAGES, GONE_IMAGES = (0.3, 0.45, 0.6), (5, 20, 60), 10
+LOST_AT, GAP_IMAGES, GONE_IMAGES = (0.3, 0.45, 0.6), (5, 20, 60), 50
 """On recordings: after these shares of the labels, for so many images, and how long after the last label."""
 IMAGE_NS = 10_000_000
 WRONG_COST = 4.0
