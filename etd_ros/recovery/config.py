@@ -35,6 +35,13 @@ class RecoveryConfig(Parameters):
     network_agreeing: int = parameter(
         2, "compact, siamrpn: successive searches that must find the target at the same place", low=1, high=100
     )
+    watch_score_min: float = parameter(
+        0.8,
+        "compact: smallest score that counts while a target is followed: one that is seen elsewhere so surely has "
+        "drifted, and is followed there; 1: nobody looks",
+        low=0.0,
+        high=1.0,
+    )
     distractor_weight: float = parameter(
         0.5,
         "compact, siamrpn: share of a place's likeness to distractors that is taken off its score",

@@ -45,6 +45,11 @@ class RecoveryTracker(Protocol):
         """Look for the target; `last_box` is its last box. None: it was not found convincingly."""
         ...
 
+    def watch(self) -> RecoveryTracker | None:
+        """Another tracker for the same target: it remembers what the target looks like at first, and searches round the
+        box that is followed while nothing says that it is lost. None: this one cannot be as sure as that."""
+        ...
+
 
 def check_image(image: npt.NDArray[np.uint8]) -> None:
     """Refuse what is no grey image.

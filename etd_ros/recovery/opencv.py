@@ -187,6 +187,9 @@ class OpenCvRecovery:
             return None
         return found
 
+    def watch(self) -> None:
+        """Correlation finds what is like a target nearly everywhere."""
+
     def _remembered_size(self, last_box: Box) -> Box:
         """The largest remembered size round the last box's centre: a box that fails has often shrunk or grown, as
         on the last sliver of a target that moves behind something."""

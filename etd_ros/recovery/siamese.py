@@ -6,14 +6,14 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.appearance import GreyImage
-from etd_ros.recovery.config import RecoveryConfig
+from etd_ros.recovery.config import SIAMRPN, RecoveryConfig
 from etd_ros.recovery.crops import Crop, cut, exemplar_extent
 from etd_ros.recovery.interface import Found, check_image
 from etd_ros.recovery.matching import Answers, Matcher
@@ -28,6 +28,8 @@ SURROUNDINGS_SIDE = 224
 SAME_PLACE_IOU = 0.4
 """Boxes of successive images that overlap so much are one place."""
 STRIDE = 8
+WATCH_SCALE = 3.5
+"""Width and height of what is searched while the target is followed, in those of the target."""
 
 
 class View(NamedTuple):
@@ -149,6 +151,17 @@ class SiameseRecovery:
         if len(self._agreeing) < config.network_agreeing:
             return None
         return Found(candidate.box, min(1.0, candidate.score))
+
+    def watch(self) -> SiameseRecovery | None:
+        """One image, a higher score, and every image remembered: those of the target's start."""
+        config = self._config
+        if config.tracker == SIAMRPN or config.watch_score_min >= 1:
+            return None
+        watching = replace(
+            config, network_score_min=config.watch_score_min, network_agreeing=1, exemplar_interval=1,
+            search_scale=WATCH_SCALE, search_growth=0.0,
+        )  # fmt: skip
+        return SiameseRecovery(self._matcher, watching)
 
     def _candidate(self, image: GreyImage, last_box: Box) -> Candidate | None:
         """The likeliest place in this search's part of the image, of a plausible size; None if there is none."""

@@ -8,15 +8,16 @@ have brought it, and the recovery tracker searches the images.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
-from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.contours import Contours, Impression, Look
 from etd_ros.tracking.held import Held, moving_on
-from etd_ros.tracking.image_search import ImageSearch
+from etd_ros.tracking.image_search import ImageSearch, Turns
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
@@ -80,6 +81,7 @@ class ContourTarget:
         surface: TimeSurface,
         recovery_factory: RecoveryFactory | None,
         search_wait_s: float = math.inf,
+        turns: Turns | None = None,
     ) -> None:
         self.name = name
         self.start_box = box
@@ -89,6 +91,7 @@ class ContourTarget:
         self._surface = surface
         self._recovery_factory = recovery_factory
         self._search_wait_s = search_wait_s
+        self._turns = turns
         self._state: TargetState
         self._contours: Contours
         self._start_up: StartUp | None
@@ -146,6 +149,8 @@ class ContourTarget:
             return TargetReport(self.name, self.state, held_box, 0.0)
         is_sure = self._start_up is None and self._failing_s == 0
         self._images.remember(stamp_ns, image, self._contours.box, is_sure=is_sure)
+        if is_sure:
+            self._watch_for_drift(stamp_ns, image)
         box = self._contours.box_at(*self._contours.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
 
@@ -182,8 +187,9 @@ class ContourTarget:
         self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
         self._start_up = StartUp(self._contours)
         recovery = self._recovery_factory() if self._recovery_factory else None
-        self._images = ImageSearch(recovery, self._search_wait_s)
+        self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
         self._usual = UsualLooks()
+        self._first: tuple[Impression, UsualLooks] | None = None
         self._steady = SteadyMotion()
         self._confidence = 1.0
         self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
@@ -261,6 +267,25 @@ class ContourTarget:
             contours.adapt(self._surface, elapsed_s, trust, sees_covers=sees_covers)
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
+
+    def _watch_for_drift(self, stamp_ns: int, image: FrameData | None) -> None:
+        """A box that was drawn along by something learns what it is on, and its looks are sure again. So the target is
+        looked for on images as it looked at first; where it is seen elsewhere, it is there, and looks like that."""
+        if self._first is None:
+            if self._images.knows_first:
+                self._first = self._contours.impression(), copy.copy(self._usual)
+            return
+        found = self._images.elsewhere(stamp_ns, image, self._contours.box)
+        # What passes before a target hides it on images, too; something else may look like it.
+        if found is None or self._confidence < CONFIDENCE_USUAL:
+            return
+        impression, usual = self._first
+        self._contours.appear(impression, found.box, stamp_ns)
+        self._usual = copy.copy(usual)
+        self._sure = None
+        self._settling = SETTLING_LOOKS
+        self._steady.forget()
+        self._confidence = found.score
 
     def _look_here(self) -> Look:
         return self._contours.look(self._surface, any_motion=self._settling > 0)

@@ -73,6 +73,17 @@ SPEED_MIN_PX_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
+class Impression:
+    """What a target looked like at some time: memories, directions of motion that they have seen, the last of them, and
+    how it was turned (rad)."""
+
+    memories: Float32Array
+    seen: Float64Array
+    direction: Float64Array
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class Look:
     """What the events say about the target.
 
@@ -345,6 +356,22 @@ class Contours:
         """Go back to what was kept last: what was learnt since may be of what covered the target."""
         np.copyto(self._memories, self._kept_memories)
         self._seen, self.direction = self._kept_seen.copy(), self._kept_direction
+
+    def impression(self) -> Impression:
+        """What the target looks like now."""
+        return Impression(self._memories.copy(), self._seen.copy(), self.direction, float(self.pose[ANGLE]))
+
+    def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
+        """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
+        np.copyto(self._memories, impression.memories)
+        self._seen, self.direction = impression.seen.copy(), impression.direction
+        self.pose[:] = *box.center, 1.0, impression.angle_rad
+        upright = self.box
+        self.pose[SCALE] = math.sqrt(box.w * box.h / (upright.w * upright.h))
+        self.stamp_ns = stamp_ns
+        self.stop()
+        self.uncover()
+        self.keep_memories()
 
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""

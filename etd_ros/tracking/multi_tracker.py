@@ -17,6 +17,7 @@ from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.image_search import Turns
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
@@ -70,6 +71,7 @@ class MultiTracker:
         self.targets_max: int | None = None
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
+        self._turns = Turns()
         self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
 
@@ -137,6 +139,7 @@ class MultiTracker:
             self._surface,
             self._recovery_factory,
             self._search_wait_s,
+            self._turns,
         )
 
     def click(self, click: Click) -> None:

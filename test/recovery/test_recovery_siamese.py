@@ -63,6 +63,21 @@ def test_what_is_seen_once_is_a_lead_until_it_is_gone(make):
     assert not tracker.has_lead
 
 
+def test_a_watch_tells_at_once_where_the_target_is_if_it_is_surely_elsewhere(make):
+    sprite = texture(1, 40, 36)
+    watch = make().watch()
+    for _ in range(4):
+        watch.remember(picture((sprite, START)), START)
+    moved = START._replace(x=100)
+    assert_near(watch.search(picture((sprite, moved), seed=1), START), moved)
+    assert watch.search(picture(seed=2), START) is None
+
+
+def test_there_is_no_watch_where_it_is_switched_off():
+    assert make_recovery(RecoveryConfig(tracker="compact", watch_score_min=1.0))().watch() is None
+    assert make_recovery(RecoveryConfig(tracker="csrt"))().watch() is None
+
+
 def test_noise_and_even_pictures_are_refused(make):
     tracker = after_a_loss(make, (texture(1, 40, 36), START))
     for seed in range(4):

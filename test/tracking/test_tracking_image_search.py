@@ -8,7 +8,7 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
-from etd_ros.tracking.image_search import REMEMBER_NS, SEARCH_NS, ImageSearch
+from etd_ros.tracking.image_search import ANSWER_NS, FIRST_IMAGES, REMEMBER_NS, SEARCH_NS, ImageSearch, Turns
 from etd_ros.tracking.target import TargetState
 
 IMAGE = np.zeros((20, 30), np.uint8)
@@ -32,6 +32,22 @@ class SlowRecovery:
         self.searches += 1
         self.may_answer.wait()
         return Found(BOX, 0.9)
+
+    def watch(self):
+        return None
+
+
+class WatchedRecovery(SlowRecovery):
+    """Is followed by another that answers at once."""
+
+    def __init__(self, elsewhere):
+        super().__init__()
+        self.watching = SlowRecovery()
+        self.watching.may_answer.set()
+        self.watching.search = lambda image, last_box: elsewhere
+
+    def watch(self):
+        return self.watching
 
 
 @pytest.fixture
@@ -110,3 +126,70 @@ def test_an_answer_about_an_earlier_loss_does_not_count(recovery):
     assert images.found(3 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) is None
     end_of_search(images)
     assert images.found(4 * DUE_NS, IMAGE, TargetState.RECOVERING, BOX) == Found(BOX, 0.9)
+
+
+def followed(elsewhere, turns=None):
+    """A search of a target that has been followed for long enough to know what it looked like at first."""
+    recovery = WatchedRecovery(elsewhere)
+    images = ImageSearch(recovery, math.inf, turns)
+    for number in range(1, FIRST_IMAGES + 1):
+        assert not images.knows_first
+        assert images.elsewhere(number * REMEMBER_NS, IMAGE, BOX) is None
+        images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert images.knows_first
+    return images, recovery
+
+
+FOLLOWED_NS = FIRST_IMAGES * REMEMBER_NS
+FAR = Found(BOX._replace(x=20), 0.9)
+
+
+def test_what_is_seen_elsewhere_counts_once_the_search_has_had_its_time():
+    images, _ = followed(FAR)
+    assert images.elsewhere(FOLLOWED_NS, IMAGE, BOX) is None
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS - 1, None, BOX) is None
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) == FAR
+    assert images.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, BOX) is None
+
+
+@pytest.mark.parametrize("seen", [None, Found(BOX._replace(x=4), 0.9)])
+def test_what_is_seen_in_its_box_or_not_at_all_is_not_elsewhere(seen):
+    images, _ = followed(seen)
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) is None
+
+
+def test_only_the_first_images_are_remembered_for_that():
+    images, recovery = followed(None)
+    images.remember(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert len(recovery.watching.remembered) == FIRST_IMAGES
+    assert len(recovery.remembered) == FIRST_IMAGES + 1
+
+
+@pytest.mark.parametrize("interrupt", [ImageSearch.begin, ImageSearch.time_went_back])
+def test_what_was_seen_elsewhere_before_a_loss_or_a_new_start_does_not_count(interrupt):
+    images, _ = followed(FAR)
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    interrupt(images, FOLLOWED_NS + 1)
+    assert images.elsewhere(FOLLOWED_NS + 1 + ANSWER_NS, None, BOX) is None
+
+
+@pytest.mark.parametrize("targets", [1, 2, 5])
+def test_targets_take_turns_one_an_image(targets):
+    turns, last = Turns(), [None] * targets
+    taken = []
+    for stamp_ns in range(1, 12 * targets + 1):
+        given = [turns.take(stamp_ns, turn) for turn in last]
+        (mine,) = [index for index, turn in enumerate(given) if turn is not None] or [None]
+        if mine is not None:
+            last[mine] = given[mine]
+        taken.append(mine)
+    settled = taken[2 * targets :]
+    assert all(settled.count(index) == len(settled) / targets for index in range(targets))
+
+
+def test_a_turn_goes_on_when_a_target_no_longer_asks():
+    turns = Turns()
+    first = turns.take(1, None)
+    assert first is not None
+    assert turns.take(2, first) is not None

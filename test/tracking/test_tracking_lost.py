@@ -21,7 +21,7 @@ from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.surface import TimeSurface
 
-CONTOURS_ALONE = Settings(recovery=RecoveryConfig(network_agreeing=100))
+CONTOURS_ALONE = Settings(recovery=RecoveryConfig(network_agreeing=100, watch_score_min=1.0))
 """Where a rule is missing, the network may find what contours do not."""
 
 
@@ -62,6 +62,13 @@ def test_what_was_learnt_of_a_cover_is_forgotten_when_the_target_is_lost(monkeyp
     assert found > 0.85
     monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
     assert mean_overlap("pillar", (seed,)) < found - 0.1
+
+
+def test_a_box_that_a_cover_has_drawn_along_is_put_right_by_images(monkeypatch):
+    monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
+    watched = Settings(recovery=RecoveryConfig(network_agreeing=100))
+    seeds = 30, 51
+    assert mean_overlap("pillar", seeds, watched) > mean_overlap("pillar", seeds) + 0.05
 
 
 @pytest.mark.parametrize(("speed_px_s", "from_s", "hidden_s"), [(60, 0.04, 0.1), (80, 0.03, 0.2), (120, 0.04, 0.1)])

@@ -36,6 +36,9 @@ class ListedRecovery:
         self.searched.append(last_box)
         return self.answers.pop(0) if self.answers else None
 
+    def watch(self):
+        return None
+
 
 def frame_with(*boxes):
     """A frame with the outlines of boxes in both channels."""
