@@ -73,6 +73,7 @@ class ImageSearch:
         self._last_turn: int | None = None
         self._is_watching = False
         self._first_images = 0
+        self._box: Box
         self._answer: Future[Found | None] | None = None
         self._asked_s = 0.0
         self._counts = False
@@ -131,14 +132,15 @@ class ImageSearch:
             return None
         if self._is_watching and stamp_ns - self._searched_ns >= ANSWER_NS and not self._is_searching():
             found = self._drop_answer()
-            if found is not None and found.box.iou(box) < ELSEWHERE_IOU:
+            # What is fast has moved on since.
+            if found is not None and found.box.iou(self._box) < ELSEWHERE_IOU:
                 return found
         if image is None or self._is_searching():
             return None
         turn = self._turns.take(stamp_ns, self._last_turn)
         if turn is not None:
             self._drop_answer()
-            self._last_turn, self._searched_ns, self._is_watching = turn, stamp_ns, True
+            self._last_turn, self._searched_ns, self._is_watching, self._box = turn, stamp_ns, True, box
             self._ask(self._watch, image, box)
         return None
 

@@ -159,6 +159,12 @@ def test_what_is_seen_in_its_box_or_not_at_all_is_not_elsewhere(seen):
     assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) is None
 
 
+def test_what_was_in_its_box_then_has_not_drifted_when_the_box_has_moved_on():
+    images, _ = followed(Found(BOX, 0.9))
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
+
+
 def test_only_the_first_images_are_remembered_for_that():
     images, recovery = followed(None)
     images.remember(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX, is_sure=True)
