@@ -22,35 +22,39 @@ ANSWER_NS = 15_000_000
 """An answer counts so long after its image: the search has its time, and the target is still near."""
 ELSEWHERE_IOU = 0.2
 """What is seen elsewhere overlaps the box by less."""
+WATCH_NS = 190_000_000
+"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every fourth. That is a
+twentieth of a core, which a node on two of them can spare."""
 _SEARCHES = ThreadPoolExecutor(max_workers=1, thread_name_prefix="recovery")
 
 
 class Turns:
-    """Which of the targets that are followed is looked for elsewhere on an image: one an image, all in turn, so that
-    many cost no more than one."""
+    """Which of the targets that are followed is looked for elsewhere: one at a time, all in turn, so that many cost no
+    more than one."""
 
     def __init__(self) -> None:
         self._stamp_ns = 0
-        self._image = self._asking = 0
+        self._given_ns: int | None = None
+        self._given = self._asking = 0
         self._count = 1
-        self._is_given = False
 
     def take(self, stamp_ns: int, last: int | None) -> int | None:
-        """The number of the image at `stamp_ns` (ns) where it is for the target that asks, else None.
+        """The number of the turn if the image at `stamp_ns` (ns) is for the target that asks, else None.
 
         Args:
             stamp_ns: of the image.
-            last: the number of the image that this target had last, None before the first.
+            last: the number of the turn that this target had last, None before the first.
         """
         if stamp_ns != self._stamp_ns:
-            self._stamp_ns, self._is_given = stamp_ns, False
+            self._stamp_ns = stamp_ns
             self._count, self._asking = max(1, self._asking), 0
-            self._image += 1
         self._asking += 1
-        if self._is_given or (last is not None and self._image - last < self._count):
+        is_too_soon = self._given_ns is not None and 0 <= stamp_ns - self._given_ns < WATCH_NS
+        if is_too_soon or (last is not None and self._given + 1 - last < self._count):
             return None
-        self._is_given = True
-        return self._image
+        self._given_ns = stamp_ns
+        self._given += 1
+        return self._given
 
 
 class ImageSearch:
@@ -130,12 +134,12 @@ class ImageSearch:
         one searched if it is this target's turn."""
         if self._watch is None or not self.knows_first:
             return None
-        if self._is_watching and stamp_ns - self._searched_ns >= ANSWER_NS and not self._is_searching():
+        if self._is_watching and stamp_ns - self._searched_ns >= ANSWER_NS and self._has_watched():
             found = self._drop_answer()
             # What is fast has moved on since.
             if found is not None and found.box.iou(self._box) < ELSEWHERE_IOU:
                 return found
-        if image is None or self._is_searching():
+        if image is None or (self._answer is not None and not self._has_watched()):
             return None
         turn = self._turns.take(stamp_ns, self._last_turn)
         if turn is not None:
@@ -152,6 +156,13 @@ class ImageSearch:
         """What the last search found; errors of it are raised here."""
         answer, self._answer, self._is_watching = self._answer, None, False
         return answer.result() if answer is not None else None
+
+    def _has_watched(self) -> bool:
+        """Whether the last search is over; who follows a target does not wait for it, but where results must not depend
+        on the machine."""
+        if math.isinf(self._wait_s):
+            return not self._is_searching()
+        return self._answer is None or self._answer.done()
 
     def _is_searching(self) -> bool:
         """Whether an image is still searched; waits for that as long as is allowed."""

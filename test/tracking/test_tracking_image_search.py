@@ -8,7 +8,15 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
-from etd_ros.tracking.image_search import ANSWER_NS, FIRST_IMAGES, REMEMBER_NS, SEARCH_NS, ImageSearch, Turns
+from etd_ros.tracking.image_search import (
+    ANSWER_NS,
+    FIRST_IMAGES,
+    REMEMBER_NS,
+    SEARCH_NS,
+    WATCH_NS,
+    ImageSearch,
+    Turns,
+)
 from etd_ros.tracking.target import TargetState
 
 IMAGE = np.zeros((20, 30), np.uint8)
@@ -181,14 +189,13 @@ def test_what_was_seen_elsewhere_before_a_loss_or_a_new_start_does_not_count(int
 
 
 @pytest.mark.parametrize("targets", [1, 2, 5])
-def test_targets_take_turns_one_an_image(targets):
+def test_targets_take_turns_one_at_a_time(targets):
     turns, last = Turns(), [None] * targets
     taken = []
-    for stamp_ns in range(1, 12 * targets + 1):
-        given = [turns.take(stamp_ns, turn) for turn in last]
-        (mine,) = [index for index, turn in enumerate(given) if turn is not None] or [None]
-        if mine is not None:
-            last[mine] = given[mine]
+    for number in range(12 * targets):
+        given = [turns.take((number + 1) * WATCH_NS, turn) for turn in last]
+        (mine,) = [index for index, turn in enumerate(given) if turn is not None]
+        last[mine] = given[mine]
         taken.append(mine)
     settled = taken[2 * targets :]
     assert all(settled.count(index) == len(settled) / targets for index in range(targets))
@@ -196,6 +203,26 @@ def test_targets_take_turns_one_an_image(targets):
 
 def test_a_turn_goes_on_when_a_target_no_longer_asks():
     turns = Turns()
-    first = turns.take(1, None)
+    first = turns.take(WATCH_NS, None)
     assert first is not None
-    assert turns.take(2, first) is not None
+    assert turns.take(2 * WATCH_NS, first) is not None
+
+
+def test_no_turn_is_given_soon_after_another():
+    turns = Turns()
+    assert turns.take(WATCH_NS, None) is not None
+    assert turns.take(2 * WATCH_NS - 1, None) is None
+    assert turns.take(2 * WATCH_NS, None) is not None
+
+
+def test_who_must_not_wait_goes_on_while_a_target_is_looked_for_elsewhere():
+    recovery = WatchedRecovery(FAR)
+    recovery.watching.search = recovery.search
+    images = ImageSearch(recovery, 1000.0)
+    for number in range(1, FIRST_IMAGES + 1):
+        images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    images.elsewhere(FOLLOWED_NS, IMAGE, FAR.box)
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
+    recovery.may_answer.set()
+    end_of_search(images)
+    assert images.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, FAR.box) == Found(BOX, 0.9)
