@@ -30,7 +30,8 @@ class Found:
 
 
 class RecoveryTracker(Protocol):
-    """Finds one target again after its tracking failed. One instance serves one target."""
+    """Finds one target again after its tracking failed, or (`watch`) after it has drifted. One instance serves one
+    target."""
 
     @property
     def has_lead(self) -> bool:
@@ -43,6 +44,10 @@ class RecoveryTracker(Protocol):
 
     def search(self, image: npt.NDArray[np.uint8], last_box: Box) -> Found | None:
         """Look for the target; `last_box` is its last box. None: it was not found convincingly."""
+        ...
+
+    def forget_lately(self) -> None:
+        """What was remembered last was not the target: keep what it looked like at first alone."""
         ...
 
     def watch(self) -> RecoveryTracker | None:

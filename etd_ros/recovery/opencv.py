@@ -187,6 +187,12 @@ class OpenCvRecovery:
             return None
         return found
 
+    def forget_lately(self) -> None:
+        """Keep the first exemplar alone."""
+        while len(self._exemplars) > 1:
+            self._exemplars.pop()
+        self._newest = None
+
     def watch(self) -> None:
         """Correlation finds what is like a target nearly everywhere."""
 

@@ -33,7 +33,7 @@ WATCH_SCALE = 3.5
 
 
 class View(NamedTuple):
-    """A moment of right tracking, kept as pixels: the network looks at it only when the target is lost.
+    """A moment of right tracking, kept as pixels: the network looks at it only when the target is looked for.
 
     Attributes:
         exemplar: the target and its context, uint8, shape (side, side).
@@ -75,7 +75,7 @@ class SiameseRecovery:
     """A `RecoveryTracker`. One network serves all targets; each keeps what its own target looked like.
 
     `remember` only copies pixels, because it is called while tracking is right and must not slow that down. The first
-    searches after a loss make exemplars and distractors of them.
+    searches after that make exemplars and distractors of them.
 
     Attributes:
         latest: the likeliest place of the last search, found convincingly or not; None where there was none.
@@ -136,8 +136,11 @@ class SiameseRecovery:
             RecoveryError: `image` is not uint8 of shape (h, w).
         """
         check_image(image)
-        candidate = self.latest = self._candidate(image, last_box)
         config = self._config
+        if len(self._agreeing) >= config.network_agreeing:
+            # What was found with the last search is no lead for another one: a watch goes on from the box.
+            self._agreeing.clear()
+        candidate = self.latest = self._candidate(image, last_box)
         if (
             candidate is None
             or candidate.score < config.network_score_min
@@ -151,6 +154,13 @@ class SiameseRecovery:
         if len(self._agreeing) < config.network_agreeing:
             return None
         return Found(candidate.box, min(1.0, candidate.score))
+
+    def forget_lately(self) -> None:
+        """Keep the first view alone."""
+        self._newest = None
+        self._settled.clear()
+        self._templates.clear()
+        self._agreeing.clear()
 
     def watch(self) -> SiameseRecovery | None:
         """One image, a higher score, and every image remembered: those of the target's start."""

@@ -3,7 +3,8 @@
 The states are those of `target`. A target that stands still makes no events and goes on TRACKING where it is: nothing
 says that it is gone. It is RECOVERING when the events where it should be are not its own for a while, or when they end
 while it was leaving the sensor. Then its contours are looked for in a region that grows round where its motion would
-have brought it, and the recovery tracker searches the images.
+have brought it, and the recovery tracker searches the images. What is followed is looked for on images now and then,
+too: it may have drifted.
 """
 
 from __future__ import annotations
@@ -284,6 +285,8 @@ class ContourTarget:
         self._usual = copy.copy(usual)
         self._sure = None
         self._settling = SETTLING_LOOKS
+        self._quiet_s = self._usual_speed_px_s = 0.0
+        self._usual_jump_px = JUMP_MIN_PX
         self._steady.forget()
         self._confidence = found.score
 

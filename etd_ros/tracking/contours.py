@@ -367,7 +367,9 @@ class Contours:
         self._seen, self.direction = impression.seen.copy(), impression.direction
         self.pose[:] = *box.center, 1.0, impression.angle_rad
         upright = self.box
-        self.pose[SCALE] = math.sqrt(box.w * box.h / (upright.w * upright.h))
+        least, most = SCALE_LIMITS
+        self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
+        self._events_per_px, self._events_waiting = None, 0
         self.stamp_ns = stamp_ns
         self.stop()
         self.uncover()

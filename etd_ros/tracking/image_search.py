@@ -18,8 +18,8 @@ answer counts from the next search on. What may be the target is looked at again
 several images have to agree on where it is, and it moves."""
 FIRST_IMAGES = 4
 """So many images show what a target looks like at first."""
-ANSWER_NS = 15_000_000
-"""An answer counts so long after its image: the search has its time, and the target is still near."""
+ANSWER_NS, ANSWER_MAX_NS = 15_000_000, 100_000_000
+"""What is seen elsewhere counts so long after its image: the search has its time, and the target is still near."""
 ELSEWHERE_IOU = 0.2
 """What is seen elsewhere overlaps the box by less."""
 WATCH_NS = 190_000_000
@@ -90,6 +90,9 @@ class ImageSearch:
 
     def begin(self, stamp_ns: int) -> None:
         """The target is lost from now on (ns)."""
+        if not self.knows_first:
+            # What is found may be something else: it is not what the target looked like at first.
+            self._watch = None
         self._searched_ns = stamp_ns
         self._counts = self._is_watching = False
 
@@ -119,9 +122,13 @@ class ImageSearch:
         """Have an image remembered on which the target is at a box, if it is time: the first one in any case."""
         is_first = self._remembered_ns is None
         is_due = self._remembered_ns is None or stamp_ns - self._remembered_ns >= REMEMBER_NS
-        if self._recovery is None or image is None or not is_due or self._is_searching():
+        if self._recovery is None or image is None or not is_due:
             return
-        self._drop_answer()
+        # The watch is another tracker, and learns nothing any more.
+        if not self._is_watching:
+            if self._is_searching():
+                return
+            self._drop_answer()
         if is_sure or is_first:
             self._remembered_ns = stamp_ns
             self._recovery.remember(image, box)
@@ -134,10 +141,13 @@ class ImageSearch:
         one searched if it is this target's turn."""
         if self._watch is None or not self.knows_first:
             return None
-        if self._is_watching and stamp_ns - self._searched_ns >= ANSWER_NS and self._has_watched():
+        age_ns = stamp_ns - self._searched_ns
+        if self._is_watching and age_ns >= ANSWER_NS and self._has_watched():
             found = self._drop_answer()
-            # What is fast has moved on since.
-            if found is not None and found.box.iou(self._box) < ELSEWHERE_IOU:
+            # Its own box is that of its image: what is fast has moved on since.
+            if found is not None and age_ns <= ANSWER_MAX_NS and found.box.iou(self._box) < ELSEWHERE_IOU:
+                if self._recovery is not None:
+                    self._recovery.forget_lately()
                 return found
         if image is None or (self._answer is not None and not self._has_watched()):
             return None

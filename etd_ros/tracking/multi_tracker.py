@@ -27,7 +27,8 @@ _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="ta
 
 
 class MultiTracker:
-    """Tracks targets that are started and stopped by name. Targets do not influence one another.
+    """Tracks targets that are started and stopped by name. Targets do not influence one another, but for
+    taking turns in being looked for on images while they are followed.
 
     Args:
         width: sensor width (pixels).

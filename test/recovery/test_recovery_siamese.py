@@ -73,6 +73,30 @@ def test_a_watch_tells_at_once_where_the_target_is_if_it_is_surely_elsewhere(mak
     assert watch.search(picture(seed=2), START) is None
 
 
+def test_a_watch_looks_round_the_box_that_is_followed_wherever_it_found_the_target_last(make):
+    sprite = texture(1, 40, 36)
+    watch = make().watch()
+    for _ in range(4):
+        watch.remember(picture((sprite, START)), START)
+    for step, x in enumerate((100, 145, 190)):
+        box = START._replace(x=x)
+        # What looks the same stands where the target was, just beyond what is searched.
+        twin = box._replace(x=box.x - 100)
+        assert_near(watch.search(picture((sprite, box), (sprite, twin), seed=step), box), box)
+
+
+def test_what_is_forgotten_is_all_but_the_first_view(make):
+    sprite, other, elsewhere = texture(1, 40, 36), texture(2, 40, 36), START._replace(x=110)
+    for forget, likeliest in (False, elsewhere), (True, START):
+        tracker = after_a_loss(make, (sprite, START), images=1)
+        for _ in range(100):
+            tracker.remember(picture((other, START)), START)
+        if forget:
+            tracker.forget_lately()
+        searched(tracker, START, (sprite, START), (other, elsewhere))
+        assert tracker.latest.box.iou(likeliest) > 0.5
+
+
 def test_there_is_no_watch_where_it_is_switched_off():
     assert make_recovery(RecoveryConfig(tracker="compact", watch_score_min=1.0))().watch() is None
     assert make_recovery(RecoveryConfig(tracker="csrt"))().watch() is None

@@ -9,6 +9,7 @@ import pytest
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
 from etd_ros.tracking.image_search import (
+    ANSWER_MAX_NS,
     ANSWER_NS,
     FIRST_IMAGES,
     REMEMBER_NS,
@@ -56,6 +57,9 @@ class WatchedRecovery(SlowRecovery):
 
     def watch(self):
         return self.watching
+
+    def forget_lately(self):
+        self.remembered.clear()
 
 
 @pytest.fixture
@@ -158,6 +162,39 @@ def test_what_is_seen_elsewhere_counts_once_the_search_has_had_its_time():
     assert images.elsewhere(FOLLOWED_NS + ANSWER_NS - 1, None, BOX) is None
     assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) == FAR
     assert images.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, BOX) is None
+
+
+def test_what_was_remembered_of_something_else_is_forgotten_then():
+    images, recovery = followed(FAR)
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert recovery.remembered
+    images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX)
+    assert not recovery.remembered
+
+
+def test_what_was_seen_elsewhere_long_ago_does_not_count():
+    images, _ = followed(FAR)
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 1, None, BOX) is None
+    assert images.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 2, None, BOX) is None
+
+
+def test_an_image_that_comes_before_the_answer_is_remembered_and_the_answer_counts():
+    images, recovery = followed(FAR)
+    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    images.remember(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert len(recovery.remembered) == FIRST_IMAGES + 1
+    assert images.elsewhere(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX) == FAR
+
+
+def test_what_is_found_after_an_early_loss_is_not_what_the_target_looked_like_at_first():
+    images = ImageSearch(WatchedRecovery(FAR), math.inf)
+    images.remember(REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    images.begin(2 * REMEMBER_NS)
+    for number in range(3, 20):
+        images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
+    assert not images.knows_first
+    assert images.elsewhere(20 * REMEMBER_NS, IMAGE, BOX) is None
 
 
 @pytest.mark.parametrize("seen", [None, Found(BOX._replace(x=4), 0.9)])

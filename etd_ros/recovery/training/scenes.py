@@ -1,4 +1,5 @@
-"""Random scenes to learn from: several things at a time, some of them nearly twins, on sensors of all kinds."""
+"""Random scenes to learn from: several things at a time, some of them nearly twins, before sensors of all kinds; half
+of them in depth (depth_scenes.py)."""
 
 from __future__ import annotations
 
