@@ -23,7 +23,7 @@ class RecoveryConfig(Parameters):
         choices=(AUTO, *NETWORKS, *OPENCV_TRACKERS),
     )
     network_score_min: float = parameter(
-        0.75,
+        0.65,
         "compact, siamrpn: smallest score, distractors taken off, that counts as found: lower finds sooner, and wrong "
         "ones",
         low=0.0,
@@ -33,7 +33,7 @@ class RecoveryConfig(Parameters):
         0.4, "compact, siamrpn: smallest distance of the best score to the second best place's", low=0.0, high=1.0
     )
     network_agreeing: int = parameter(
-        2, "compact, siamrpn: successive searches that must find the target at the same place", low=1, high=100
+        5, "compact, siamrpn: successive searches that must find the target at the same place", low=1, high=100
     )
     watch_score_min: float = parameter(
         0.8,
