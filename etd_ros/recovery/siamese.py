@@ -137,8 +137,8 @@ class SiameseRecovery:
         """
         check_image(image)
         config = self._config
-        if len(self._agreeing) >= config.network_agreeing:
-            # What was found with the last search is no lead for another one: a watch goes on from the box.
+        if config.network_agreeing == 1:
+            # Nothing has to agree with what was found last: a watch goes on from the box.
             self._agreeing.clear()
         candidate = self.latest = self._candidate(image, last_box)
         if (
