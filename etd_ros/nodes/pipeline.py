@@ -38,8 +38,7 @@ LONGER_FRAMES = ((0.1, 0.004), (0.05, 0.002), (0.0, 0.0))
 them rather than lost ones."""
 IMAGES_SHARE = 0.1
 """A message that is this late is left out of the images, whose making takes as long as all the rest, where the method
-looks at one now and then: they serve to remember targets and to find what is lost
-or has drifted."""
+looks at one now and then: they serve to remember targets and to find what is lost or has drifted."""
 
 
 @dataclass(frozen=True, slots=True)

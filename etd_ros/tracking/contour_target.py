@@ -281,6 +281,7 @@ class ContourTarget:
         if found is None or self._confidence < CONFIDENCE_USUAL:
             return
         impression, usual = self._first
+        self._images.forget_lately()
         self._contours.appear(impression, found.box, stamp_ns)
         self._usual = copy.copy(usual)
         self._sure = None

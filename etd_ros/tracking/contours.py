@@ -354,8 +354,7 @@ class Contours:
 
     def restore_memories(self) -> None:
         """Go back to what was kept last: what was learnt since may be of what covered the target."""
-        np.copyto(self._memories, self._kept_memories)
-        self._seen, self.direction = self._kept_seen.copy(), self._kept_direction
+        self._recall(self._kept_memories, self._kept_seen, self._kept_direction)
 
     def impression(self) -> Impression:
         """What the target looks like now."""
@@ -363,8 +362,7 @@ class Contours:
 
     def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
         """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
-        np.copyto(self._memories, impression.memories)
-        self._seen, self.direction = impression.seen.copy(), impression.direction
+        self._recall(impression.memories, impression.seen, impression.direction)
         self.pose[:] = *box.center, 1.0, impression.angle_rad
         upright = self.box
         least, most = SCALE_LIMITS
@@ -378,6 +376,10 @@ class Contours:
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
         self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=False)
+
+    def _recall(self, memories: Float32Array, seen: Float64Array, direction: Float64Array) -> None:
+        np.copyto(self._memories, memories)
+        self._seen, self.direction = seen.copy(), direction
 
     def _learn(self, direction: Float64Array, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
         """Move the memories towards what is drawn and normalised."""

@@ -146,8 +146,6 @@ class ImageSearch:
             found = self._drop_answer()
             # Its own box is that of its image: what is fast has moved on since.
             if found is not None and age_ns <= ANSWER_MAX_NS and found.box.iou(self._box) < ELSEWHERE_IOU:
-                if self._recovery is not None:
-                    self._recovery.forget_lately()
                 return found
         if image is None or (self._answer is not None and not self._has_watched()):
             return None
@@ -157,6 +155,11 @@ class ImageSearch:
             self._last_turn, self._searched_ns, self._is_watching, self._box = turn, stamp_ns, True, box
             self._ask(self._watch, image, box)
         return None
+
+    def forget_lately(self) -> None:
+        """What was remembered last was not the target."""
+        if self._recovery is not None:
+            self._recovery.forget_lately()
 
     def _ask(self, tracker: RecoveryTracker, image: FrameData, box: Box) -> None:
         self._answer = _SEARCHES.submit(tracker.search, image.copy(), box)

@@ -167,8 +167,9 @@ def test_what_is_seen_elsewhere_counts_once_the_search_has_had_its_time():
 def test_what_was_remembered_of_something_else_is_forgotten_then():
     images, recovery = followed(FAR)
     images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
-    assert recovery.remembered
     images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX)
+    assert recovery.remembered
+    images.forget_lately()
     assert not recovery.remembered
 
 
