@@ -17,8 +17,9 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
 from etd_ros.tracking.contours import Contours, Impression, Look
+from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.held import Held, moving_on
-from etd_ros.tracking.image_search import ImageSearch, Turns
+from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
@@ -273,10 +274,10 @@ class ContourTarget:
         """A box that was drawn along by something learns what it is on, and its looks are sure again. So the target is
         looked for on images as it looked at first; where it is seen elsewhere, it is there, and looks like that."""
         if self._first is None:
-            if self._images.knows_first:
+            if self._images.watch.knows_first:
                 self._first = self._contours.impression(), copy.copy(self._usual)
             return
-        found = self._images.elsewhere(stamp_ns, image, self._contours.box)
+        found = self._images.watch.elsewhere(stamp_ns, image, self._contours.box)
         # What passes before a target hides it on images, too; something else may look like it.
         if found is None or self._confidence < CONFIDENCE_USUAL:
             return

@@ -16,8 +16,8 @@ from etd_ros.detection import EdgeBoxes, Proposals
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.errors import TrackingError
-from etd_ros.tracking.image_search import Turns
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig

@@ -8,16 +8,8 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
-from etd_ros.tracking.image_search import (
-    ANSWER_MAX_NS,
-    ANSWER_NS,
-    FIRST_IMAGES,
-    REMEMBER_NS,
-    SEARCH_NS,
-    WATCH_NS,
-    ImageSearch,
-    Turns,
-)
+from etd_ros.tracking.drift_watch import ANSWER_MAX_NS, ANSWER_NS, FIRST_IMAGES, WATCH_NS, Turns
+from etd_ros.tracking.image_search import REMEMBER_NS, SEARCH_NS, ImageSearch
 from etd_ros.tracking.target import TargetState
 
 IMAGE = np.zeros((20, 30), np.uint8)
@@ -78,7 +70,7 @@ def found(images, searches):
 
 
 def end_of_search(images):
-    images._answer.result()
+    images._searched.answer()
 
 
 def test_an_answer_counts_from_the_next_search_on_however_long_it_took(recovery):
@@ -145,10 +137,10 @@ def followed(elsewhere, turns=None):
     recovery = WatchedRecovery(elsewhere)
     images = ImageSearch(recovery, math.inf, turns)
     for number in range(1, FIRST_IMAGES + 1):
-        assert not images.knows_first
-        assert images.elsewhere(number * REMEMBER_NS, IMAGE, BOX) is None
+        assert not images.watch.knows_first
+        assert images.watch.elsewhere(number * REMEMBER_NS, IMAGE, BOX) is None
         images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
-    assert images.knows_first
+    assert images.watch.knows_first
     return images, recovery
 
 
@@ -158,16 +150,16 @@ FAR = Found(BOX._replace(x=20), 0.9)
 
 def test_what_is_seen_elsewhere_counts_once_the_search_has_had_its_time():
     images, _ = followed(FAR)
-    assert images.elsewhere(FOLLOWED_NS, IMAGE, BOX) is None
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS - 1, None, BOX) is None
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) == FAR
-    assert images.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, BOX) is None
+    assert images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX) is None
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS - 1, None, BOX) is None
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) == FAR
+    assert images.watch.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, BOX) is None
 
 
 def test_what_was_remembered_of_something_else_is_forgotten_then():
     images, recovery = followed(FAR)
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
-    images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX)
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX)
     assert recovery.remembered
     images.forget_lately()
     assert not recovery.remembered
@@ -175,17 +167,17 @@ def test_what_was_remembered_of_something_else_is_forgotten_then():
 
 def test_what_was_seen_elsewhere_long_ago_does_not_count():
     images, _ = followed(FAR)
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 1, None, BOX) is None
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 2, None, BOX) is None
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 1, None, BOX) is None
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_MAX_NS + 2, None, BOX) is None
 
 
 def test_an_image_that_comes_before_the_answer_is_remembered_and_the_answer_counts():
     images, recovery = followed(FAR)
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
     images.remember(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX, is_sure=True)
     assert len(recovery.remembered) == FIRST_IMAGES + 1
-    assert images.elsewhere(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX) == FAR
+    assert images.watch.elsewhere(FOLLOWED_NS + REMEMBER_NS, IMAGE, BOX) == FAR
 
 
 def test_what_is_found_after_an_early_loss_is_not_what_the_target_looked_like_at_first():
@@ -194,21 +186,21 @@ def test_what_is_found_after_an_early_loss_is_not_what_the_target_looked_like_at
     images.begin(2 * REMEMBER_NS)
     for number in range(3, 20):
         images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
-    assert not images.knows_first
-    assert images.elsewhere(20 * REMEMBER_NS, IMAGE, BOX) is None
+    assert not images.watch.knows_first
+    assert images.watch.elsewhere(20 * REMEMBER_NS, IMAGE, BOX) is None
 
 
 @pytest.mark.parametrize("seen", [None, Found(BOX._replace(x=4), 0.9)])
 def test_what_is_seen_in_its_box_or_not_at_all_is_not_elsewhere(seen):
     images, _ = followed(seen)
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) is None
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS, None, BOX) is None
 
 
 def test_what_was_in_its_box_then_has_not_drifted_when_the_box_has_moved_on():
     images, _ = followed(Found(BOX, 0.9))
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
 
 
 def test_only_the_first_images_are_remembered_for_that():
@@ -221,9 +213,9 @@ def test_only_the_first_images_are_remembered_for_that():
 @pytest.mark.parametrize("interrupt", [ImageSearch.begin, ImageSearch.time_went_back])
 def test_what_was_seen_elsewhere_before_a_loss_or_a_new_start_does_not_count(interrupt):
     images, _ = followed(FAR)
-    images.elsewhere(FOLLOWED_NS, IMAGE, BOX)
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, BOX)
     interrupt(images, FOLLOWED_NS + 1)
-    assert images.elsewhere(FOLLOWED_NS + 1 + ANSWER_NS, None, BOX) is None
+    assert images.watch.elsewhere(FOLLOWED_NS + 1 + ANSWER_NS, None, BOX) is None
 
 
 @pytest.mark.parametrize("targets", [1, 2, 5])
@@ -259,8 +251,8 @@ def test_who_must_not_wait_goes_on_while_a_target_is_looked_for_elsewhere():
     images = ImageSearch(recovery, 1000.0)
     for number in range(1, FIRST_IMAGES + 1):
         images.remember(number * REMEMBER_NS, IMAGE, BOX, is_sure=True)
-    images.elsewhere(FOLLOWED_NS, IMAGE, FAR.box)
-    assert images.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
+    images.watch.elsewhere(FOLLOWED_NS, IMAGE, FAR.box)
+    assert images.watch.elsewhere(FOLLOWED_NS + ANSWER_NS, None, FAR.box) is None
     recovery.may_answer.set()
-    end_of_search(images)
-    assert images.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, FAR.box) == Found(BOX, 0.9)
+    end_of_search(images.watch)
+    assert images.watch.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, FAR.box) == Found(BOX, 0.9)
