@@ -14,6 +14,10 @@ from etd_ros.conversion.bits import count_bits
 from etd_ros.conversion.cell_map import LANES, CellMap
 from etd_ros.conversion.marks import mark_events
 
+MARKED_EVENTS = 64
+"""Events whose bits are set before their times are written: processors write in order, so that a bit, which is near,
+would wait for each time, which is not; meanwhile the times' places are fetched."""
+
 _U32, _U64 = np.uint32, np.uint64
 
 
@@ -92,10 +96,17 @@ def _mark_slots(
     """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
     slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
     whole = number - number % _U64(LANES)
-    gained, counted = mark_events(slots, last, words, t, first, whole, start_ns, cells.gains_high, cells.gains_low)
+    gained, counted = np.int64(0), np.int64(0)
+    for part in range(_U64(0), whole, _U64(MARKED_EVENTS)):
+        stop = min(whole, part + _U64(MARKED_EVENTS))
+        more_gained, more_counted = mark_events(slots, words, last, part, stop, cells.gains_high, cells.gains_low)
+        gained += more_gained
+        counted += more_counted
+        for k in range(part, stop):
+            last[slots[k]] = t[first + k] - start_ns
     for k in range(whole, number):
         slot = slots[k]
-        last[slot] = t[first + _U64(k)] - start_ns
+        last[slot] = t[first + k] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
         bit = _U32(1) << (slot & _U32(31))

@@ -1,4 +1,4 @@
-"""Events are put into a cell map 16 at a time; what they add to the entropy is looked up for all 16 at once.
+"""Events' bits are set in a cell map 16 at a time; what they add to the entropy is looked up for all 16 at once.
 
 What the events' tiles held before never leaves the processor's registers: to write it down and read it again as a
 vector takes 100 ns, as the reading has to wait for the writing.
@@ -23,6 +23,7 @@ from etd_ros.conversion.vectors import (
     WORD,
     all_lanes,
     count_bits_of_lanes,
+    fetch_to_write,
     item_at,
     items,
     sum_of_lanes,
@@ -31,8 +32,7 @@ from etd_ros.conversion.vectors import (
 
 Words: TypeAlias = npt.NDArray[np.uint32]
 MarkEvents: TypeAlias = (
-    "Callable[[Words, npt.NDArray[np.int32], Words, npt.NDArray[np.int64], np.uint64, np.uint64, int, Words, Words],"
-    " tuple[int, int]]"
+    "Callable[[Words, Words, npt.NDArray[np.int32], np.uint64, np.uint64, Words, Words], tuple[int, int]]"
 )
 
 _LANES = ir.VectorType(WORD, LANES)
@@ -57,9 +57,9 @@ class _Array:
         return builder.load(vector_at(builder, first, index, _LANES), align=4)
 
 
-def _mark(builder: Any, slot: Any, time: Any, last: _Array, words: _Array) -> Any:
-    """Note an event's time, set its bit, and return the word that was there before."""
-    builder.store(builder.trunc(time, WORD), last.item(builder, builder.zext(slot, LONG)))
+def _mark(builder: Any, slot: Any, words: _Array, last: _Array) -> Any:
+    """Set an event's bit, and return the word that was there before; have the place of its time fetched."""
+    fetch_to_write(builder, last.item(builder, builder.zext(slot, LONG)))
     tile = builder.lshr(slot, ir.Constant(WORD, (TILE_SLOTS - 1).bit_length()))
     word = words.item(builder, builder.zext(tile, LONG))
     before = builder.load(word)
@@ -97,23 +97,20 @@ def _add_to(builder: Any, sum_: Any, value: Any) -> None:
     builder.store(builder.add(builder.load(sum_), value), sum_)
 
 
-def _mark_events(
-    _typing: Any, slots: Any, last: Any, words: Any, t: Any, first: Any, number: Any, start_ns: Any, high: Any, low: Any
-) -> Any:
+def _mark_events(_typing: Any, slots: Any, words: Any, last: Any, first: Any, stop: Any, high: Any, low: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         arrays = [_Array(context, kind, value) for kind, value in zip(signature.args, arguments, strict=True)]
-        slots_, last_, words_, t_, *_, high_, low_ = arrays
-        first_, number_, start_ = arguments[4:7]
+        slots_, words_, last_, _, _, high_, low_ = arrays
+        first_, stop_ = arguments[3:5]
         tables = [table.vector(builder, _ZERO) for table in (high_, low_)]
         sums = [_variable(builder, all_lanes(_LANES, 0)) for _ in tables]
         emptied = _variable(builder, ir.Constant(LONG, 0))
-        with for_range_slice(builder, _ZERO, number_, ir.Constant(LONG, LANES), LONG) as (index, _):
+        with for_range_slice(builder, first_, stop_, ir.Constant(LONG, LANES), LONG) as (index, _):
             befores = ir.Constant(_LANES, ir.Undefined)
             for lane in range(LANES):
                 place = builder.add(index, ir.Constant(LONG, lane))
                 slot = builder.load(slots_.item(builder, place))
-                time = builder.sub(builder.load(t_.item(builder, builder.add(first_, place))), start_)
-                before = _mark(builder, slot, time, last_, words_)
+                before = _mark(builder, slot, words_, last_)
                 befores = builder.insert_element(befores, before, ir.Constant(WORD, lane))
             these = slots_.vector(builder, index)
             for sum_, gains in zip(sums, _gains(builder, these, befores, tables), strict=True):
@@ -125,16 +122,16 @@ def _mark_events(
         gained = builder.add(builder.shl(upper, ir.Constant(LONG, LOW_BITS)), lower)
         return context.make_tuple(builder, signature.return_type, [gained, builder.load(emptied)])
 
-    del first, number, start_ns
-    arguments = (slots, last, words, t, types.uint64, types.uint64, types.int64, high, low)
+    del first, stop
+    arguments = (slots, words, last, types.uint64, types.uint64, high, low)
     result = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
     return result(*arguments), generate
 
 
 mark_events = cast("MarkEvents", intrinsic(_mark_events))
-"""mark_events(slots, last, words, t, first, number, start_ns, gains_high, gains_low): put events into a map.
+"""mark_events(slots, words, last, first, stop, gains_high, gains_low): set the bits of events whose slots are given.
 
-Events first .. first + number - 1 of t, whose slots are the first ones of `slots`; the number is a multiple of 16 of at
-most BLOCK_EVENTS. Notes their times since start_ns, sets their bits, and returns what they add to the entropy, in units
-of 1 / entropy_one, and how many of their tiles were empty.
+Those of the slots first .. stop - 1, a multiple of 16 and at most BLOCK_EVENTS. Returns what they add to the entropy,
+in units of 1 / entropy_one, and how many of their tiles were empty; and has the places of their times fetched, so that
+who writes them soon afterwards need not wait.
 """

@@ -12,12 +12,11 @@ from etd_ros.conversion.cell_map import BLOCK_EVENTS, LANES, TILE_SLOTS, cells_i
 from etd_ros.conversion.marks import mark_events
 
 TILES = 4
-START_NS = 1_600_000_000_000_000_000
 
 
 @njit
-def mark(slots, last, words, t, first, number, start_ns, high, low):
-    return mark_events(slots, last, words, t, np.uint64(first), np.uint64(number), start_ns, high, low)
+def mark(slots, words, last, first, stop, high, low):
+    return mark_events(slots, words, last, np.uint64(first), np.uint64(stop), high, low)
 
 
 def channel_entropy(pixels):
@@ -30,16 +29,15 @@ def entropy_of(word):
     return sum(channel_entropy(half.bit_count()) for half in (word & 0xFFFF, word >> 16))
 
 
-def marked(slots, words, times):
-    """`last` where there is an event, words, the entropy gained and the tiles that were empty, one event at a time."""
-    last, words, emptied = {}, list(words), 0
+def marked(slots, words):
+    """Words, the entropy gained and the tiles that were empty, one event at a time."""
+    words, emptied = list(words), 0
     before = sum(map(entropy_of, words))
-    for slot, time in zip(slots, times, strict=True):
+    for slot in slots:
         tile, place = divmod(slot, TILE_SLOTS)
         emptied += words[tile] == 0
         words[tile] |= 1 << place
-        last[slot] = time
-    return last, words, sum(map(entropy_of, words)) - before, emptied
+    return words, sum(map(entropy_of, words)) - before, emptied
 
 
 def gain_tables():
@@ -60,15 +58,15 @@ slots_of_blocks = st.integers(0, 5).flatmap(
 def test_16_at_a_time_events_leave_what_they_leave_one_by_one(slots, words):
     high, low, entropy_one = gain_tables()
     first = 3
-    t = START_NS + np.arange(first + len(slots), dtype=np.int64)
     last = np.full(TILES * TILE_SLOTS, -1, np.int32)
     found = np.array(words, np.uint32)
-    gained, emptied = mark(np.array(slots, np.uint32), last, found, t, first, len(slots), START_NS, high, low)
-    wanted_last, wanted_words, wanted_gain, wanted_emptied = marked(slots, words, range(first, first + len(slots)))
-    assert {slot: time for slot, time in enumerate(last.tolist()) if time >= 0} == wanted_last
+    given_slots = np.array([0] * first + slots, np.uint32)
+    gained, emptied = mark(given_slots, found, last, first, first + len(slots), high, low)
+    wanted_words, wanted_gain, wanted_emptied = marked(slots, words)
     assert found.tolist() == wanted_words
     assert gained / entropy_one == pytest.approx(wanted_gain, abs=1e-11)
     assert emptied == wanted_emptied
+    assert (last == -1).all()
 
 
 def test_the_gains_of_a_whole_block_fit_their_sums():
@@ -76,15 +74,6 @@ def test_the_gains_of_a_whole_block_fit_their_sums():
     tiles = BLOCK_EVENTS // 2
     slots = np.sort(np.r_[TILE_SLOTS * np.arange(tiles), TILE_SLOTS * np.arange(tiles) + 16]).astype(np.uint32)
     last, words = np.zeros(TILE_SLOTS * tiles, np.int32), np.zeros(tiles, np.uint32)
-    gained, emptied = mark(slots, last, words, np.zeros(BLOCK_EVENTS, np.int64), 0, BLOCK_EVENTS, 0, high, low)
+    gained, emptied = mark(slots, words, last, 0, BLOCK_EVENTS, high, low)
     assert gained / entropy_one == pytest.approx(BLOCK_EVENTS * channel_entropy(1), rel=1e-9)
     assert emptied == tiles
-
-
-def test_times_need_not_lie_one_after_the_other():
-    high, low, _ = gain_tables()
-    slots, words = np.arange(LANES, dtype=np.uint32), np.zeros(1, np.uint32)
-    t = np.arange(3 * LANES, dtype=np.int64)[::3]
-    last = np.zeros(TILE_SLOTS, np.int32)
-    mark(slots, last, words, t, 0, LANES, 0, high, low)
-    assert last[:LANES].tolist() == t.tolist()
