@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.conversion.batches import check_batch, check_size, earliest_ns, not_following
+from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch, not_following, not_of_sensor
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.frame_buffers import FrameBuffers
-from etd_ros.conversion.kernels import EMPTY_STATE, NO_CHECKS, STATE_DTYPE, VERIFIED, advance, finish
+from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
+from etd_ros.conversion.kernels import EMPTY_STATE, NEW_BATCH, STATE_DTYPE, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -30,7 +31,7 @@ class FrameAccumulator:
 
     Attributes:
         start_ns: T_{i-1} of the unfinished frame (ns).
-        store, state: its events, and where it stands; for the kernels.
+        store, state: its events, and where it stands and when it ends; for the kernels.
     """
 
     def __init__(self, width: int, height: int, cell_size: int = CELL_SIZE, log_base: float = LOG_BASE) -> None:
@@ -49,7 +50,14 @@ class FrameAccumulator:
         self.start_ns = 0
         self._cell_size = cell_size
         self._counted_cells = cell_rectangles(None, width, height, cell_size)
-        self._previous_ns: int | None = None
+        self._memory: FrameData | None = self._buffers.memory
+        self._has_begun = False
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        """For copies, which write to memory of their own."""
+        self.__dict__.update(attributes)
+        if self._memory is not None:
+            self._memory = self._buffers.memory
 
     @property
     def events(self) -> int:
@@ -65,40 +73,54 @@ class FrameAccumulator:
         check_batch(events, self.width, self.height, self._previous_ns)
         if events.t.size == 0:
             return
-        if self._previous_ns is None:
-            self.start_ns = int(events.t[0])
-        self._previous_ns = events.t.item(-1)
+        if not self._has_begun:
+            self.start_ns = events.t.item(0)
+            self._has_begun = True
+        self.state["previous_ns"] = events.t.item(-1)
 
-    def accept_and_advance(
-        self, events: Events, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
-    ) -> tuple[int, float, int]:
-        """`accept` and, from the batch's first event on, `advance`, by one call of a kernel: many messages are so small
-        that calls take longer than their events."""
-        check_size(events, self.width, self.height)
+    @property
+    def _previous_ns(self) -> int:
+        """Time of the stream's last event (ns), or BEFORE_ALL_NS."""
+        return int(self.state["previous_ns"].item())
+
+    def end_frames(self, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int) -> None:
+        """Have frames end when NZGE, looked at every check_stride events, is alpha or more and they have lasted for
+        min_duration_ns, or after max_duration_ns in any case."""
+        state = self.state[0]
+        state["min_duration_ns"], state["max_duration_ns"] = min_duration_ns, max_duration_ns
+        state["alpha"], state["check_stride"] = alpha, check_stride
+
+    def advance(self, events: Events, first: int) -> tuple[int, float, int]:
+        """Add events until the frame ends as `end_frames` says, or the batch is over.
+
+        Args:
+            events: a batch.
+            first: the first of its events to add, or NEW_BATCH, which accepts it as `accept` does, by the same call of
+                a kernel: many messages are so small that calls take longer than their events.
+
+        Returns:
+            What the kernel does: the first event not added, and the NZGE and number of events of the frame, if one has
+            ended by NZGE, or zeros.
+
+        Raises:
+            ConversionError: as `accept` does.
+        """
         t = events.t
-        if len(t) == 0:
-            return 0, 0.0, 0
-        previous_ns = self._previous_ns
-        if previous_ns is None:
-            self.start_ns = t.item(0)
-        step = advance(
-            self.store, self.state, t, events.x, events.y, events.p, earliest_ns(previous_ns), 0, self.start_ns,
-            min_duration_ns, max_duration_ns, alpha, check_stride, self._buffers.memory,
-        )  # fmt: skip
+        if first == NEW_BATCH:
+            if events.width != self.width or events.height != self.height:
+                raise not_of_sensor(events, self.width, self.height)
+            if len(t) == 0:
+                return 0, 0.0, 0
+            if not self._has_begun:
+                self.start_ns = t.item(0)
+        memory = self._memory
+        if memory is None:
+            memory = self._take_memory()
+        step = advance(self.store, self.state, t, events.x, events.y, events.p, first, self.start_ns, memory)
         if step[0] < 0:
-            raise not_following(events, previous_ns)
-        self._previous_ns = t.item(-1)
+            raise not_following(events, self._previous_ns)
+        self._has_begun |= first == NEW_BATCH
         return step
-
-    def advance(
-        self, events: Events, first: int, min_duration_ns: int, max_duration_ns: int, alpha: float, check_stride: int
-    ) -> tuple[int, float, int]:
-        """Add events of an accepted batch from `first` on until the frame reaches alpha; the arguments and what is
-        returned are those of the kernel."""
-        return advance(
-            self.store, self.state, events.t, events.x, events.y, events.p, VERIFIED, first, self.start_ns,
-            min_duration_ns, max_duration_ns, alpha, check_stride, self._buffers.memory,
-        )  # fmt: skip
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
         """Measure NZGE in these boxes, None for everywhere; between two frames."""
@@ -110,19 +132,27 @@ class FrameAccumulator:
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
         """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
         part = events if stop == len(events) else events[:stop]
-        added, *_ = self.advance(part, first, 0, limit_ns - self.start_ns, 1.0, NO_CHECKS)
+        self.state["max_duration_ns"] = limit_ns - self.start_ns
+        added, *_ = self.advance(part, first)
         return added
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._buffers.memory)
+        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._take_memory())
         return self.hand_out(stamp_ns, end, nzge, events)
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
         """The frame that a kernel has put into the buffers' memory; the next one starts at stamp_ns."""
-        frame = Frame(stamp_ns, self.start_ns, self._buffers.hand_out(), events, nzge, end)
+        frame = Frame(stamp_ns, self.start_ns, self._buffers.data, events, nzge, end)
         self.start_ns = stamp_ns
+        self._memory = None
         return frame
+
+    def _take_memory(self) -> FrameData:
+        """The memory of the unfinished frame; another one than the last frame's, which was handed out."""
+        if self._memory is None:
+            self._memory = self._buffers.take_turns()
+        return self._memory
 
     def skip_to(self, event_ns: int, max_duration_ns: int) -> Frame | None:
         """End the frame at its longest duration because an event at event_ns, later than that, has come.
@@ -139,9 +169,11 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        finish(self.store, self.state, 0, self._buffers.memory)
-        self._buffers.clear()
-        self._previous_ns = None
+        memory = self._take_memory()
+        finish(self.store, self.state, 0, memory)
+        memory.fill(0)
+        self.state["previous_ns"] = BEFORE_ALL_NS
+        self._has_begun = False
 
 
 class AccumulatingConverter(ABC):

@@ -13,6 +13,7 @@ from etd_ros.borrowing_kernel import kernel_part
 from etd_ros.conversion.bits import count_bits
 from etd_ros.conversion.cell_map import LANES, CellMap
 from etd_ros.conversion.marks import mark_events
+from etd_ros.conversion.slots import find_slots
 
 MARKED_EVENTS = 64
 """Events whose bits are set before their times are written: processors write in order, so that a bit, which is near,
@@ -32,23 +33,45 @@ def add_events(
     first: int,
     stop: int,
     start_ns: int,
-) -> None:
+    block: tuple[int, int],
+) -> tuple[int, int]:
     """Add events first .. stop - 1 to the frame that starts at start_ns.
 
-    In blocks, whose slots are found first, in loops that the compiler vectorises.
+    In blocks, whose slots are found first, in loops that the compiler vectorises. A block goes on beyond what is added,
+    as the next call most likely goes on with it.
+
+    Args:
+        cells: the map.
+        state: where the frame stands.
+        t: the batch; ns.
+        x: pixels.
+        y: pixels.
+        p: 1 On, 0 Off.
+        first: event.
+        stop: event.
+        start_ns: T_{i-1}.
+        block: first event and the one behind the last of the block whose slots the map holds.
+
+    Returns:
+        The block whose slots it holds then.
     """
     state[0].events += stop - first
+    block_first, block_stop = block
     while first < stop:
-        number = min(stop - first, len(cells.slots))
-        if cells.columns > 0:
-            _compute_slots(cells, x, y, p, _U64(first), _U64(number))
-        else:
-            _look_up_slots(cells, x, y, p, _U64(first), _U64(number))
+        if first >= block_stop:
+            block_first, block_stop = first, min(first + len(cells.slots), len(t))
+            if cells.columns > 0:
+                _compute_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
+            else:
+                _look_up_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
+        part_stop = min(stop, block_stop)
+        slots = _U64(first - block_first), _U64(part_stop - block_first)
         if cells.is_plain:
-            _mark_slots(cells, state, t, _U64(first), _U64(number), start_ns)
+            _mark_slots(cells, state, t, *slots, _U64(block_first), start_ns)
         else:
-            _mark_and_count_slots(cells, state, t, _U64(first), _U64(number), start_ns)
-        first += number
+            _mark_and_count_slots(cells, state, t, *slots, _U64(block_first), start_ns)
+        first = part_stop
+    return block_first, block_stop
 
 
 @kernel_part
@@ -60,9 +83,11 @@ def _compute_slots(
     first: np.uint64,
     number: np.uint64,
 ) -> None:
-    """The slots of events where a cell is one tile of 4 x 4 pixels; all in 32 bits, the compiler's widest loops."""
+    """The slots of events where a cell is one tile of 4 x 4 pixels."""
     cell_columns = _U32(cells.columns)
-    for k in range(number):
+    whole = number - number % _U64(LANES)
+    find_slots(x, y, p, first, whole, cell_columns, cells.slots)
+    for k in range(whole, number):
         column, row = _U32(np.uint16(x[first + k])), _U32(np.uint16(y[first + k]))
         cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
         place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
@@ -90,23 +115,26 @@ def _mark_slots(
     state: npt.NDArray[np.void],
     t: npt.NDArray[np.int64],
     first: np.uint64,
-    number: np.uint64,
+    stop: np.uint64,
+    block_first: np.uint64,
     start_ns: int,
 ) -> None:
-    """Note the times of the events in `slots`, set their bits, and add what they bring to the running sums."""
+    """Note the times of the events whose slots are slots[first] .. slots[stop - 1], that of slots[k] being event
+    block_first + k; set their bits, and add what they bring to the running sums."""
     slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
-    whole = number - number % _U64(LANES)
     gained, counted = np.int64(0), np.int64(0)
-    for part in range(_U64(0), whole, _U64(MARKED_EVENTS)):
-        stop = min(whole, part + _U64(MARKED_EVENTS))
-        more_gained, more_counted = mark_events(slots, words, last, part, stop, cells.gains_high, cells.gains_low)
+    whole_stop = stop - (stop - first) % _U64(LANES)
+    while first < whole_stop:
+        part_stop = min(whole_stop, first + _U64(MARKED_EVENTS))
+        more_gained, more_counted = mark_events(slots, words, last, first, part_stop, cells.gains_high, cells.gains_low)
         gained += more_gained
         counted += more_counted
-        for k in range(part, stop):
-            last[slots[k]] = t[first + k] - start_ns
-    for k in range(whole, number):
+        for k in range(first, part_stop):
+            last[slots[k]] = t[block_first + k] - start_ns
+        first = part_stop
+    for k in range(first, stop):
         slot = slots[k]
-        last[slot] = t[first + k] - start_ns
+        last[slot] = t[block_first + k] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
         bit = _U32(1) << (slot & _U32(31))
@@ -124,16 +152,17 @@ def _mark_and_count_slots(
     state: npt.NDArray[np.void],
     t: npt.NDArray[np.int64],
     first: np.uint64,
-    number: np.uint64,
+    stop: np.uint64,
+    block_first: np.uint64,
     start_ns: int,
 ) -> None:
     """The same where some cells do not count, or a cell has several tiles."""
     slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
     counts, is_counted = cells.counts, cells.is_counted
     gained, counted = np.int64(0), np.int64(0)
-    for k in range(number):
+    for k in range(first, stop):
         slot = slots[k]
-        last[slot] = t[first + k] - start_ns
+        last[slot] = t[block_first + k] - start_ns
         tile = slot >> _U32(5)
         before = words[tile]
         after = _U32(before | (_U32(1) << (slot & _U32(31))))

@@ -12,6 +12,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.kernels import NEW_BATCH
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError, Parameters, parameter
@@ -131,10 +132,10 @@ class AtsltdConverter(AccumulatingConverter):
         self.overshoots = 0
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._at_least_s, self._at_most_s = 0.0, math.inf
-        self._min_duration_ns, self._max_duration_ns = self._durations_ns()
         self._next_durations_ns: tuple[int, int] | None = None
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
+        self._take_on(*self._durations_ns())
 
     def last_at_least(self, duration_s: float) -> None:
         """Have the frames from the next one on last at least so long (s), or as configured where that is longer."""
@@ -156,12 +157,9 @@ class AtsltdConverter(AccumulatingConverter):
         """See `Converter.convert`; the events up to the first frame are added at once."""
         if self._regions is not None or self._next_durations_ns is not None:
             self._begin_frame()
-        config = self.config
-        step = self._accumulator.accept_and_advance(
-            events, self._min_duration_ns, self._max_duration_ns, config.nzge_interval[0], config.check_stride
-        )
-        # All events are added, and none ended the frame: NZGE would be alpha or more.
-        return _NO_FRAMES if step == (len(events.t), 0, 0) else self._frames(events, step)
+        step = self._accumulator.advance(events, NEW_BATCH)
+        i, _, frame_events = step
+        return self._frames(events, step) if frame_events or i < len(events.t) else _NO_FRAMES
 
     def _begin_frame(self) -> None:
         """Take on what has been asked for the next frame, if one begins."""
@@ -170,13 +168,18 @@ class AtsltdConverter(AccumulatingConverter):
             accumulator.count_in(self._regions())
         if self._next_durations_ns is not None and accumulator.events == 0:
             # Not before: the frame under way may hold events from after its new end.
-            self._min_duration_ns, self._max_duration_ns = self._next_durations_ns
+            self._take_on(*self._next_durations_ns)
             self._next_durations_ns = None
+
+    def _take_on(self, min_duration_ns: int, max_duration_ns: int) -> None:
+        self._max_duration_ns = max_duration_ns
+        config = self.config
+        self._accumulator.end_frames(min_duration_ns, max_duration_ns, config.nzge_interval[0], config.check_stride)
 
     def _frames(self, events: Events, step: tuple[int, float, int]) -> Iterator[Frame]:
         """The frames of a batch, by steps from one to the next; the first step has been made."""
         accumulator = self._accumulator
-        alpha, beta = self.config.nzge_interval
+        _, beta = self.config.nzge_interval
         frame: Frame | None
         number = len(events)
         while True:
@@ -193,6 +196,4 @@ class AtsltdConverter(AccumulatingConverter):
             if i == number:
                 return
             self._begin_frame()
-            step = accumulator.advance(
-                events, i, self._min_duration_ns, self._max_duration_ns, alpha, self.config.check_stride
-            )
+            step = accumulator.advance(events, i)

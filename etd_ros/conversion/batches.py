@@ -12,41 +12,35 @@ from etd_ros.events import Events, EventsError
 TIME_MAX_NS = 2**62
 """Stamps lie within +-this, so that differences and limits fit 64 bits."""
 
+BEFORE_ALL_NS = 1 - TIME_MAX_NS
+"""Instead of the time of a stream's last event: it has none yet."""
+
 TIME_BYTES, COORDINATE_BYTES = 8, 2
 
 
-def check_batch(events: Events, width: int, height: int, previous_ns: int | None) -> None:
+def check_batch(events: Events, width: int, height: int, previous_ns: int) -> None:
     """Verify that a batch may follow in this stream; one pass over the arrays.
 
     Args:
         events: the batch.
         width: width of the stream's sensor (pixels).
         height: height of the stream's sensor (pixels).
-        previous_ns: time of the stream's last event (ns), None before the first.
+        previous_ns: time of the stream's last event (ns), BEFORE_ALL_NS before the first.
 
     Raises:
         ConversionError: another sensor size, arrays that are not those of events, a coordinate or polarity off the
             sensor, or time going back.
     """
-    check_size(events, width, height)
-    if not _follows(events.t, events.x, events.y, events.p, width, height, earliest_ns(previous_ns)):
+    if events.width != width or events.height != height:
+        raise not_of_sensor(events, width, height)
+    if not _follows(events.t, events.x, events.y, events.p, width, height, previous_ns):
         raise not_following(events, previous_ns)
 
 
-def check_size(events: Events, width: int, height: int) -> None:
-    """Verify that a batch is of the stream's sensor, width x height pixels.
-
-    Raises:
-        ConversionError: it is not.
-    """
-    if events.width != width or events.height != height:
-        msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
-        raise ConversionError(msg)
-
-
-def earliest_ns(previous_ns: int | None) -> int:
-    """The earliest time of an event that follows one at previous_ns, or none (ns)."""
-    return 1 - TIME_MAX_NS if previous_ns is None else previous_ns
+def not_of_sensor(events: Events, width: int, height: int) -> ConversionError:
+    """What is wrong with a batch of another sensor than the stream's, width x height pixels."""
+    msg = f"events of a {events.width}x{events.height} sensor came to a {width}x{height} converter: make a new one"
+    return ConversionError(msg)
 
 
 @borrowing_kernel
@@ -82,34 +76,34 @@ def follows(
         return False
     if len(t) == 0:
         return True
-    # One loop an array, by index, without early exit, in 32 bits: the compiler vectorises these and nothing else. What
-    # is negative, in arrays of signed integers, is far off the sensor as an unsigned one.
-    room = np.int32(0)
-    x_max, y_max, p_max = np.int32(width - 1), np.int32(height - 1), np.int32(1)
+    # One loop an array, by index, without early exit: the compiler vectorises these and nothing else. What is negative,
+    # in arrays of signed integers, is far off the sensor as an unsigned one.
+    x_max, y_max, p_max = np.uint16(0), np.uint16(0), np.uint8(0)
     for i in range(len(x)):
-        room = np.int32(room | np.int32(x_max - np.int32(np.uint16(x[i]))))
+        x_max = np.uint16(max(x_max, np.uint16(x[i])))
     for i in range(len(y)):
-        room = np.int32(room | np.int32(y_max - np.int32(np.uint16(y[i]))))
+        y_max = np.uint16(max(y_max, np.uint16(y[i])))
     for i in range(len(p)):
-        room = np.int32(room | np.int32(p_max - np.int32(np.uint8(p[i]))))
+        p_max = np.uint8(max(p_max, np.uint8(p[i])))
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
-    return bool(room >= 0 and steps_back == 0 and earliest_ns <= t[0] and t[-1] < TIME_MAX_NS)
+    fit = x_max < width and y_max < height and p_max <= 1
+    return bool(fit and steps_back == 0 and earliest_ns <= t[0] and t[-1] < TIME_MAX_NS)
 
 
-def not_following(events: Events, previous_ns: int | None) -> ConversionError:
+def not_following(events: Events, previous_ns: int) -> ConversionError:
     """What is wrong with a batch for which `follows` is false."""
     return ConversionError(_what_is_wrong(events, previous_ns))
 
 
-def _what_is_wrong(events: Events, previous_ns: int | None) -> str:
+def _what_is_wrong(events: Events, previous_ns: int) -> str:
     try:
         events.check_arrays()
     except EventsError as err:
         return str(err)
     first_ns, last_ns = int(events.t[0]), int(events.t[-1])
-    if previous_ns is not None and first_ns < previous_ns:
+    if first_ns < previous_ns != BEFORE_ALL_NS:
         return f"event time goes back from {previous_ns} to {first_ns} ns: reset the converter to start a new stream"
     steps_back = np.count_nonzero(events.t[1:] < events.t[:-1])
     if steps_back:

@@ -80,6 +80,12 @@ SIZES_DTYPE = np.dtype(
 
 SIZES_ITEMS = SIZES_DTYPE.itemsize // 8
 
+LINE_ITEMS = 8
+"""Items of a store in a line of the processor's near memory. What is read by whole vectors begins with one: a tile's
+times are in two lines instead of three, each of which is fetched for itself."""
+
+HEADER_ITEMS = -(-SIZES_ITEMS // LINE_ITEMS) * LINE_ITEMS
+
 
 def source_digest() -> str:
     """Changes with what kernels are compiled of beside their own file: named in the type of an argument, it keeps those
@@ -93,6 +99,7 @@ def source_digest() -> str:
         "marks.py",
         "nzge.py",
         "readout.py",
+        "slots.py",
         "tiles.py",
         "vectors.py",
         "../borrowing_kernel.py",
@@ -159,25 +166,26 @@ def cells_in(store: CellStore) -> CellMap:
     cells, counts_max = sizes["cells"], sizes["cell_pixels"] + 1
     tiles = cells << sizes["tile_shift"]
     groups = -(-tiles // GROUP_TILES)
-    gains, wide = store[SIZES_ITEMS : SIZES_ITEMS + counts_max], store[SIZES_ITEMS + counts_max :]
-    loss, wide = wide[:counts_max].view(np.float64), wide[counts_max:]
-    sample, wide = wide[:groups].view(np.uint64), wide[groups:]
-    whole, rest = wide[:groups].view(np.uint64), wide[groups:].view(np.uint32)
-    gains_high, rest = rest[:LANES], rest[LANES:]
-    gains_low, rest = rest[:LANES], rest[LANES:]
-    row_slot, rest = rest[: sizes["height"]], rest[sizes["height"] :]
-    column_slot, rest = rest[: sizes["width"]], rest[sizes["width"] :]
-    last, rest = rest[: TILE_SLOTS * tiles].view(np.int32), rest[TILE_SLOTS * tiles :]
-    words, rest = rest[:tiles], rest[GROUP_TILES * groups :]
-    tile_byte, rest = rest[:tiles], rest[tiles:]
-    slot_byte, rest = rest[:TILE_SLOTS], rest[TILE_SLOTS:]
-    is_counted, rest = rest[:cells], rest[cells:]
-    counts, rest = rest[: 2 * cells], rest[2 * cells :]
-    slots, rest = rest[:BLOCK_EVENTS], rest[BLOCK_EVENTS:]
-    seen, rest = rest[: 2 * GREY_LEVELS], rest[2 * GREY_LEVELS :]
-    levels = rest[: TILE_SLOTS // 4].view(np.uint8)
+    rest = store[HEADER_ITEMS:]
+    last, rest = rest[: TILE_SLOTS * tiles // 2].view(np.int32), rest[TILE_SLOTS * tiles // 2 :]
+    words, rest = rest[: GROUP_TILES * groups // 2].view(np.uint32), rest[GROUP_TILES * groups // 2 :]
+    slots, rest = rest[: BLOCK_EVENTS // 2].view(np.uint32), rest[BLOCK_EVENTS // 2 :]
+    seen, rest = rest[:GREY_LEVELS].view(np.uint32), rest[GREY_LEVELS:]
+    gains_high, rest = rest[: LANES // 2].view(np.uint32), rest[LANES // 2 :]
+    gains_low, rest = rest[: LANES // 2].view(np.uint32), rest[LANES // 2 :]
+    levels, rest = rest[: TILE_SLOTS // 8].view(np.uint8), rest[TILE_SLOTS // 8 :]
+    gains, rest = rest[:counts_max], rest[counts_max:]
+    loss, rest = rest[:counts_max].view(np.float64), rest[counts_max:]
+    sample, rest = rest[:groups].view(np.uint64), rest[groups:]
+    whole, narrow = rest[:groups].view(np.uint64), rest[groups:].view(np.uint32)
+    row_slot, narrow = narrow[: sizes["height"]], narrow[sizes["height"] :]
+    column_slot, narrow = narrow[: sizes["width"]], narrow[sizes["width"] :]
+    tile_byte, narrow = narrow[:tiles], narrow[tiles:]
+    slot_byte, narrow = narrow[:TILE_SLOTS], narrow[TILE_SLOTS:]
+    is_counted, narrow = narrow[:cells], narrow[cells:]
+    counts = narrow[: 2 * cells]
     return CellMap(
-        row_slot, column_slot, last, words, tile_byte, slot_byte, sizes["tile_shift"], is_counted,
+        row_slot, column_slot, last, words[:tiles], tile_byte, slot_byte, sizes["tile_shift"], is_counted,
         sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], whole, gains, gains_high, gains_low,
         sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, seen, levels,
     )  # fmt: skip
@@ -187,11 +195,16 @@ borrowed_cells = kernel_part(cells_in)
 """`cells_in` for kernels."""
 
 
-def _word_count(height: int, width: int, cells: int, tiles: int) -> int:
-    """How many 32-bit words `cells_in` deals out."""
-    scratch = 2 * LANES + BLOCK_EVENTS + 2 * GREY_LEVELS + TILE_SLOTS // 4
-    words = -(-tiles // GROUP_TILES) * GROUP_TILES
-    return height + width + (TILE_SLOTS + 1) * tiles + words + TILE_SLOTS + 3 * cells + scratch
+def _empty_store(height: int, width: int, cells: int, tiles: int, counts_max: int) -> CellStore:
+    """As much as `cells_in` deals out, from the beginning of a cache line on."""
+    groups = -(-tiles // GROUP_TILES)
+    bytes_ = 8 * HEADER_ITEMS + 4 * TILE_SLOTS * tiles + 4 * GROUP_TILES * groups
+    bytes_ += 4 * BLOCK_EVENTS + 8 * GREY_LEVELS + 8 * LANES + TILE_SLOTS
+    bytes_ += 16 * counts_max + 16 * groups
+    bytes_ += 4 * (height + width + tiles + TILE_SLOTS + 3 * cells)
+    store = np.zeros(-(-bytes_ // 8) + LINE_ITEMS, np.int64)
+    first = -store.ctypes.data // 8 % LINE_ITEMS
+    return store[first : first + len(store) - LINE_ITEMS]
 
 
 def _sizes_of(store: CellStore) -> npt.NDArray[np.void]:
@@ -217,9 +230,7 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     is_partial |= (left + TILE_SIDE > width) | (tile % side * TILE_SIDE + TILE_SIDE > cell_size)
     channel, row, column = np.unravel_index(np.arange(TILE_SLOTS), (2, TILE_SIDE, TILE_SIDE))
     gains, loss, entropy_one = _entropy_tables(cell_size, log_base, rows * columns)
-    words = _word_count(height, width, rows * columns, len(tile))
-    groups = -(-len(tile) // GROUP_TILES)
-    store = np.zeros(SIZES_ITEMS + len(gains) + len(loss) + 2 * groups + -(-words // 2), np.int64)
+    store = _empty_store(height, width, rows * columns, len(tile), len(gains))
     sizes = _sizes_of(store)
     sizes["height"], sizes["width"], sizes["cells"] = height, width, rows * columns
     sizes["cell_pixels"], sizes["tile_shift"] = cell_size * cell_size, 2 * (side.bit_length() - 1)

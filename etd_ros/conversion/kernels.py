@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.adding import add_events
-from etd_ros.conversion.batches import follows
-from etd_ros.conversion.cell_map import CellMap, CellStore, borrowed_cells, source_digest
+from etd_ros.conversion.batches import BEFORE_ALL_NS, follows
+from etd_ros.conversion.cell_map import DURATION_MAX_NS, CellMap, CellStore, borrowed_cells, source_digest
 from etd_ros.conversion.readout import read_levels
 
 CHECKS_AT_STRIDE = 8
@@ -36,8 +36,8 @@ than one in so many of its events, or a stride: a check of all its cells that fa
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
 
-VERIFIED = 2**63 - 1
-"""Instead of a time that a batch may follow: it has been verified."""
+NEW_BATCH = -1
+"""Instead of a batch's first event: it has not been verified yet."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
@@ -54,19 +54,29 @@ STATE_DTYPE = np.dtype(
         ("unsure", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
+        ("previous_ns", "<i8"),
+        ("min_duration_ns", "<i8"),
+        ("max_duration_ns", "<i8"),
+        ("alpha", "<f8"),
+        ("check_stride", "<i8"),
         (f"made_by_{source_digest()}", "<i8"),
     ]
 )
-"""Where an unfinished frame stands.
+"""Where an unfinished frame stands, and when it ends.
 
 Its events; of the cells that count, those with events, and the sum of their channels' entropies as if all levels were
 distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample or an exact
 check: its event (0: none yet), what the sum had lost, how much more it may have lost (`unsure`), and the cells that had
 events but no entropy. From which event on NZGE may have reached alpha (`near`, 0: it has not yet). Exact checks that
-found less than alpha. The last field is empty (`source_digest`).
+found less than alpha.
+
+The time of the stream's last event. What ends a frame: NZGE of alpha or more, looked for every `check_stride` events,
+min_duration_ns after the frame's start at the earliest, or max_duration_ns. All this lies here, as an array costs
+Python less to hand over than a number each. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
+"""Of a frame that nothing ends but its longest duration."""
 
 
 @kernel_part
@@ -146,36 +156,34 @@ def advance(
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
-    follows_ns: int,
     first: int,
     start_ns: int,
-    min_duration_ns: int,
-    max_duration_ns: int,
-    alpha: float,
-    check_stride: int,
     data: npt.NDArray[np.uint8],
 ) -> tuple[int, float, int]:
-    """Add events to the frame that started at start_ns until it reaches alpha, min_duration_ns later at the earliest,
-    one comes later than max_duration_ns, or the batch is over.
+    """Add events to the frame that started at start_ns until the state says that it ends, or the batch is over.
 
-    The batch is verified before, as one that comes at follows_ns or later, unless that is `VERIFIED`: many batches are
-    so small that a call of its own for it would cost as much as their events.
+    A `NEW_BATCH` is verified before, all of it, as one that follows the stream's last event: many batches are so small
+    that a call of its own for it would cost as much as their events.
 
     Returns:
         The index of the first event not added, -1 for a batch of which none can be; the NZGE that reached alpha and the
         number of the frame's events (the frame is in data then, and the next one has begun), or 0 and 0.
     """
     cells = borrowed_cells(store)
-    if follows_ns != VERIFIED and not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), follows_ns):
-        return -1, 0.0, 0
-    earliest_ns = start_ns + min_duration_ns
-    stop = _first_after(t, first, start_ns + max_duration_ns)
-    i = first
+    if first == NEW_BATCH:
+        if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), state[0].previous_ns):
+            return -1, 0.0, 0
+        state[0].previous_ns = t[-1]
+        first = 0
+    alpha, check_stride = state[0].alpha, state[0].check_stride
+    earliest_ns = start_ns + state[0].min_duration_ns
+    stop = _first_after(t, first, start_ns + state[0].max_duration_ns)
+    i, block = first, (first, first)
     if state[0].events == 0:
         state[0].next = check_stride
     while True:
         part = min(stop, i + state[0].next - state[0].events)
-        add_events(cells, state, t, x, y, p, i, part, start_ns)
+        block = add_events(cells, state, t, x, y, p, i, part, start_ns, block)
         i = part
         if state[0].events < state[0].next:
             return i, 0.0, 0

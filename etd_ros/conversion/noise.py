@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.buffers import ArrayPool
-from etd_ros.conversion.batches import check_batch
+from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch
 from etd_ros.events import Events, check_pixel_map
 from etd_ros.parameters import Parameters, parameter
 
@@ -54,7 +54,7 @@ class BackgroundActivityFilter:
         self._width = width
         self._height = height
         self._window_ns = round(self.config.window_s * 1e9)
-        self._previous_ns: int | None = None
+        self._previous_ns = BEFORE_ALL_NS
         dtype: type[np.signedinteger] = np.int32 if self._window_ns <= INT32_MAX else np.int64
         self._never = int(np.iinfo(dtype).min)
         # Half of 64 bits keeps base + span in them.
@@ -78,7 +78,7 @@ class BackgroundActivityFilter:
         check_batch(events, self._width, self._height, self._previous_ns)
         if not len(events):
             return events
-        if self._previous_ns is None:
+        if self._previous_ns == BEFORE_ALL_NS:
             self._base_ns = int(events.t[0])
         self._previous_ns = int(events.t[-1])
         if not self._window_ns:
@@ -90,7 +90,7 @@ class BackgroundActivityFilter:
 
     def reset(self) -> None:
         """Forget all events: the next batch starts a new stream."""
-        self._previous_ns = None
+        self._previous_ns = BEFORE_ALL_NS
         self._neighbour_ns.fill(self._never)
 
     def _find_passing(self, events: Events) -> npt.NDArray[np.uint32]:

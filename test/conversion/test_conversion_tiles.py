@@ -121,7 +121,7 @@ def test_the_arrays_of_a_map_fill_its_memory_and_do_not_overlap(width, height, c
 def test_behind_the_words_of_the_tiles_is_room_for_a_whole_group(width, height):
     store = make_cell_map(width, height, 4, 256.0)
     cells = cells_in(store)
-    behind = cells.tile_byte.ctypes.data - cells.words.ctypes.data
+    behind = cells.slots.ctypes.data - cells.words.ctypes.data
     assert behind == 4 * GROUP_TILES * len(cells.sample)
 
 
