@@ -16,9 +16,9 @@ ANSWER_NS, ANSWER_MAX_NS = 15_000_000, 100_000_000
 """What is seen elsewhere counts so long after its image: the search has its time, and the target is still near."""
 ELSEWHERE_IOU = 0.2
 """What is seen elsewhere overlaps the box by less."""
-WATCH_NS = 490_000_000
-"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every tenth. That is a
-fiftieth of a core, which a node on two of them can spare."""
+WATCH_NS = 1_990_000_000
+"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every fortieth. A look
+holds a node up for a few milliseconds, which one message in a hundred must not tell."""
 
 
 class Turns:
