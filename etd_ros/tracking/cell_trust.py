@@ -52,7 +52,7 @@ class CellTrust:
         measure_norms(self.both, self.both_norms)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _sum_around(layer: Float32Array, reach: int, scratch: Float32Array) -> None:
     """Replace each cell by the sum of those within `reach` of it, both ways."""
     rows, columns = layer.shape
@@ -68,7 +68,7 @@ def _sum_around(layer: Float32Array, reach: int, scratch: Float32Array) -> None:
                 layer[row, column] += scratch[row + offset, column]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _compare(usual: Float32Array, lately: Float32Array, reach: int, room: Float32Array) -> None:
     """Squares of the usual maps, their sums round each cell, and the sums of the squared changes, into the room."""
     _, rows, columns = usual.shape
@@ -85,7 +85,7 @@ def _compare(usual: Float32Array, lately: Float32Array, reach: int, room: Float3
     _sum_around(room[CHANGES], reach, room[SCRATCH])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _stays(room: Float32Array, row: int, column: int) -> float:
     """How alike a cell stays, 0 to 1: u / (u + DISTRUST c), u being the squares of the usual maps round it, c
     those of the changes."""

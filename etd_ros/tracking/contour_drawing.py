@@ -30,7 +30,7 @@ CROWDING_POWER = 0.7
 """Of the coherence that is possible: with 0 busy places would win, with 1 a few points that agree."""
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _draw_point(layer: Float32Array, column: float, row: float, weight: float) -> None:
     """A weight, shared out over the four cells round a place that lies among the cells."""
     c, r = int(column), int(row)
@@ -95,7 +95,7 @@ def blur(drawn: Float32Array, room: Float32Array) -> None:
                 line[column] = (six * middle[column] + four * near + above_2[column] + below_2[column]) * share
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _place(points: Float32Array, index: int, pose: Float64Array, size: float, velocity: Float64Array, time_s: float,
            parts: Float32Array) -> tuple[float, float, int, int]:  # fmt: skip
     """Column and row of a point moved back to where it began, the part of the time it is of (-1 beside the grid), and
@@ -132,7 +132,7 @@ def agreements(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
                 agreed[index] += parts[other, channel, int(row + 0.5), int(column + 0.5)]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _line_product(weight: Float32Array, on: Float32Array, off: Float32Array, other_on: Float32Array,
                   other_off: Float32Array) -> float:  # fmt: skip
     """What a row of two parts, On and Off, shape (columns,), has in common, weighed twice; On and Off that fall

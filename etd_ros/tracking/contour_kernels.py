@@ -1,5 +1,8 @@
 """Compiled parts of the contour tracker. Kernels that call each other share this file, or numba would miss changes.
 
+What a kernel calls is put into it (`forceinline`): its sums may be reordered (`fastmath`), and were otherwise in a
+kernel compiled just now than in the same one from the cache, so that hard scenes had other boxes in the first run.
+
 A *point* is an event pixel of the surface: x, y (pixels, at the middle of the pixel), its age (s) and its polarity
 (+1 or -1), a row of a float32 array of shape (capacity, 4). A *pose* places the model on the sensor: x, y of its centre
 (pixels), its scale, and its angle (rad). The model's maps are float32, shape (maps, rows, columns); a cell is `cell_px`
@@ -80,7 +83,7 @@ def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, 
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def parabola(left: float, middle: float, right: float, stiffness: float = 0.0) -> float:
     """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top.
 
@@ -92,13 +95,13 @@ def parabola(left: float, middle: float, right: float, stiffness: float = 0.0) -
     return float(min(max(0.5 * (left - right) / curvature, -0.5), 0.5))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def arm_cells(rows: int, columns: int) -> float:
     """Cells from the middle to where turning and growing move the model as much as moving does, usually."""
     return 0.25 * (rows + columns)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def to_cells(width_px: float, height_px: float, angle_rad: float) -> Turn:
     """What turns pixels beside the model's middle into cells, by the width and height of a cell and the model's
     angle."""
@@ -106,7 +109,7 @@ def to_cells(width_px: float, height_px: float, angle_rad: float) -> Turn:
     return cos / width_px, sin / width_px, -sin / height_px, cos / height_px
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: float, turn: Turn,
                     velocity: Float64Array, places: Float32Array) -> None:  # fmt: skip
     """Where points are now, moved on by their age: cells from the model's middle, across and down, into `places`, shape
@@ -129,7 +132,7 @@ def _place_on_model(points: Float32Array, count: int, stride: int, x: float, y: 
         places[1, index] = c * dx + d * dy
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, turn: Turn,
             velocity: Float64Array) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """What the model's maps hold under the points, moved on by their age: with polarity the gradients along x and y,
@@ -171,7 +174,7 @@ def sums_at(points: Float32Array, count: int, maps: Float32Array, x: float, y: f
     return float(along_x), float(along_y), float(around / arm), float(outward / arm), float(ridge), float(support)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def best_motion(sums: tuple[float, float, float, float, float, float], norms: Float64Array) -> tuple[float, float]:
     """The direction of motion whose predicted polarities correlate best with the points' (least squares), in the
     model's coordinates.
@@ -184,7 +187,7 @@ def best_motion(sums: tuple[float, float, float, float, float, float], norms: Fl
     return (yy * sums[0] - norms[0, 1] * sums[1]) / determinant, (xx * sums[1] - norms[0, 1] * sums[0]) / determinant
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _score(sums: tuple[float, float, float, float, float, float], norms: Float64Array, cos: float, sin: float,
            motion_x: float, motion_y: float, motion: Float64Array, ridge_weight: float, any_motion: bool
            ) -> float:  # fmt: skip
@@ -244,7 +247,7 @@ def scores_of_shapes(points: Float32Array, count: int, maps: Float32Array, norms
         scores[number] = score / np.sqrt(wide * high)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
     """What each cell adds to the six sums, side by side with that of every `apart`-th cell beside it, into `cells`,
     shape (apart, rows, ceil(columns / apart) * SUMS)."""
@@ -262,7 +265,7 @@ def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
             line[at + 4], line[at + 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, turn: Turn,
                  velocity: Float64Array, radius: int, apart: int) -> Float32Array:  # fmt: skip
     """`sums_at` with the model's middle moved up to `radius` times by `apart` of its cells up, down, left and right,
@@ -306,7 +309,7 @@ def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float,
     return on
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: Float64Array, pose: Float64Array,
                   cell_px: float, velocity: Float64Array, bias: Float64Array, before: Float64Array, ridge_weight: float,
                   any_motion: bool, radius_px: float) -> tuple[float, float]:  # fmt: skip
