@@ -50,6 +50,7 @@ class FrameAccumulator:
         self.start_ns = 0
         self._cell_size = cell_size
         self._counted_cells = cell_rectangles(None, width, height, cell_size)
+        # The unfinished frame's; None from when a frame is handed out until the next one's is needed.
         self._memory: FrameData | None = self._buffers.memory
         self._has_begun = False
 
@@ -130,7 +131,8 @@ class FrameAccumulator:
             self._counted_cells = wanted
 
     def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
-        """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added."""
+        """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added. For converters
+        that do not call `end_frames`, whose longest duration it replaces."""
         part = events if stop == len(events) else events[:stop]
         self.state["max_duration_ns"] = limit_ns - self.start_ns
         added, *_ = self.advance(part, first)

@@ -37,8 +37,8 @@ def add_events(
 ) -> tuple[int, int]:
     """Add events first .. stop - 1 to the frame that starts at start_ns.
 
-    In blocks, whose slots are found first, in loops that the compiler vectorises. A block goes on beyond what is added,
-    as the next call most likely goes on with it.
+    In blocks, whose slots are found first. A block goes on beyond what is added, as the next call most likely goes on
+    with it.
 
     Args:
         cells: the map.
@@ -60,10 +60,7 @@ def add_events(
     while first < stop:
         if first >= block_stop:
             block_first, block_stop = first, min(first + len(cells.slots), len(t))
-            if cells.columns > 0:
-                _compute_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
-            else:
-                _look_up_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
+            _find_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
         part_stop = min(stop, block_stop)
         slots = _U64(first - block_first), _U64(part_stop - block_first)
         if cells.is_plain:
@@ -75,7 +72,7 @@ def add_events(
 
 
 @kernel_part
-def _compute_slots(
+def _find_slots(
     cells: CellMap,
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
@@ -83,28 +80,12 @@ def _compute_slots(
     first: np.uint64,
     number: np.uint64,
 ) -> None:
-    """The slots of events where a cell is one tile of 4 x 4 pixels."""
-    cell_columns = _U32(cells.columns)
-    whole = number - number % _U64(LANES)
-    find_slots(x, y, p, first, whole, cell_columns, cells.slots)
-    for k in range(whole, number):
-        column, row = _U32(np.uint16(x[first + k])), _U32(np.uint16(y[first + k]))
-        cell = _U32(_U32(_U32(row >> _U32(2)) * cell_columns) + _U32(column >> _U32(2)))
-        place = _U32(_U32(_U32(row & _U32(3)) << _U32(2)) | _U32(column & _U32(3)))
-        off = _U32(_U32(_U32(p[first + k]) ^ _U32(1)) << _U32(4))
-        cells.slots[k] = _U32(_U32(_U32(cell << _U32(5)) | place) | off)
-
-
-@kernel_part
-def _look_up_slots(
-    cells: CellMap,
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: np.uint64,
-    number: np.uint64,
-) -> None:
-    for k in range(number):
+    """Put the slots of events first .. first + number - 1 into `slots`."""
+    done = _U64(0)
+    if cells.columns > 0:
+        done = number - number % _U64(LANES)
+        find_slots(x, y, p, first, done, _U32(cells.columns), cells.slots)
+    for k in range(done, number):
         on_slot = cells.row_slot[y[first + k]] + cells.column_slot[x[first + k]]
         cells.slots[k] = on_slot | ((_U32(p[first + k]) ^ _U32(1)) << _U32(4))
 

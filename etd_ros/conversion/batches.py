@@ -12,10 +12,10 @@ from etd_ros.events import Events, EventsError
 TIME_MAX_NS = 2**62
 """Stamps lie within +-this, so that differences and limits fit 64 bits."""
 
-BEFORE_ALL_NS = 1 - TIME_MAX_NS
-"""Instead of the time of a stream's last event: it has none yet."""
+BEFORE_ALL_NS = -TIME_MAX_NS
+"""Instead of the time of a stream's last event: it has none yet. No event has that time."""
 
-TIME_BYTES, COORDINATE_BYTES = 8, 2
+COORDINATE_BYTES = 2
 
 
 def check_batch(events: Events, width: int, height: int, previous_ns: int) -> None:
@@ -68,11 +68,13 @@ def follows(
 ) -> bool:
     """Whether time never goes back nor leaves what is possible, and all coordinates and polarities fit the sensor.
 
-    False as well for arrays of unlike lengths, or of integers of other sizes: for those kernels are compiled, too.
+    False as well for arrays of unlike lengths, times that are not int64, or other integers of other sizes: for those
+    kernels are compiled, too.
     """
     if not len(t) == len(x) == len(y) == len(p):
         return False
-    if t.itemsize != TIME_BYTES or not x.itemsize == y.itemsize == COORDINATE_BYTES or p.itemsize != 1:
+    is_time, is_place = t.dtype == np.dtype(np.int64), x.itemsize == y.itemsize == COORDINATE_BYTES
+    if not (is_time and is_place and p.itemsize == 1):
         return False
     if len(t) == 0:
         return True
@@ -89,7 +91,7 @@ def follows(
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
     fit = x_max < width and y_max < height and p_max <= 1
-    return bool(fit and steps_back == 0 and earliest_ns <= t[0] and t[-1] < TIME_MAX_NS)
+    return bool(fit and steps_back == 0 and earliest_ns <= t[0] and t[0] > BEFORE_ALL_NS and t[-1] < TIME_MAX_NS)
 
 
 def not_following(events: Events, previous_ns: int) -> ConversionError:

@@ -34,7 +34,7 @@ DURATION_MAX_NS = 2_000_000_000
 """Longest frame: times since its start are kept in 32 bits."""
 
 BLOCK_EVENTS = 512
-"""Events that are added at a time: few enough for their slots to stay in the processor's nearest memory."""
+"""Events whose slots are found at a time: few enough for these to stay in the processor's nearest memory."""
 
 GROUP_TILES = 64
 """Tiles that are looked at for events at a time."""
@@ -196,7 +196,8 @@ borrowed_cells = kernel_part(cells_in)
 
 
 def _empty_store(height: int, width: int, cells: int, tiles: int, counts_max: int) -> CellStore:
-    """As much as `cells_in` deals out, from the beginning of a cache line on."""
+    """As much as `cells_in` deals out, from the beginning of a cache line on (a copy of it may begin elsewhere, and is
+    as good but for its speed)."""
     groups = -(-tiles // GROUP_TILES)
     bytes_ = 8 * HEADER_ITEMS + 4 * TILE_SLOTS * tiles + 4 * GROUP_TILES * groups
     bytes_ += 4 * BLOCK_EVENTS + 8 * GREY_LEVELS + 8 * LANES + TILE_SLOTS

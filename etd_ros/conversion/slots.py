@@ -31,7 +31,7 @@ _ZERO = ir.Constant(LONG, 0)
 def _numbers(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
     """The 16 items of an array of Numba's type `kind` from an index on, as words; the array need not be contiguous.
 
-    What are not integers of the right size is refused before: for such arrays this only has to compile.
+    Arrays of other than integers of the right size are refused before: for those this only has to compile.
     """
     item_bytes = context.get_abi_sizeof(context.get_data_type(kind.dtype))
     item = ir.IntType(8 * item_bytes)

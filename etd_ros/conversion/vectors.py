@@ -49,20 +49,11 @@ def sum_of_lanes(builder: Any, words: Any) -> Any:
 
 def fetch_to_write(builder: Any, item: Any) -> None:
     """Have the memory round an item brought near, as it will be written soon."""
-    _fetch(builder, item, 1)
-
-
-def fetch_to_read(builder: Any, item: Any) -> None:
-    """The same, as it will be read soon."""
-    _fetch(builder, item, 0)
-
-
-def _fetch(builder: Any, item: Any, is_written: int) -> None:
     pointer = BYTE.as_pointer()
     kind = ir.FunctionType(ir.VoidType(), [pointer, WORD, WORD, WORD])
     function = get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")  # type: ignore[no-untyped-call]
-    nearest, data = 3, 1
-    flags = (ir.Constant(WORD, number) for number in (is_written, nearest, data))
+    to_write, nearest, data = 1, 3, 1
+    flags = (ir.Constant(WORD, number) for number in (to_write, nearest, data))
     builder.call(function, [builder.bitcast(item, pointer), *flags])
 
 

@@ -17,8 +17,9 @@ ANSWER_NS, ANSWER_MAX_NS = 15_000_000, 100_000_000
 ELSEWHERE_IOU = 0.2
 """What is seen elsewhere overlaps the box by less."""
 WATCH_NS = 1_990_000_000
-"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every fortieth. A look
-holds a node up for a few milliseconds, which one message in a hundred must not tell."""
+"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every fortieth. A node
+does not wait for the search, but shares the interpreter's lock and the cores with it, and is slower by some
+milliseconds meanwhile: seldom enough that less than one message in a hundred meets it."""
 
 
 class Turns:

@@ -362,6 +362,9 @@ def test_events_that_do_not_fit_are_refused_before_anything_is_done(events, mess
         ("y", np.zeros(3, np.uint16), r"events.y is uint16 \(3,\)"),
         ("p", np.zeros(1, np.uint8), r"events.p is uint8 \(1,\)"),
         ("t", np.zeros(1, np.int64), r"events.x is uint16 \(2,\), not uint16 \(1,\)"),
+        ("t", np.array([0.0, np.nan]), "events.t is float64"),
+        ("t", np.array([0, 1], np.uint64), "events.t is uint64"),
+        ("t", np.array([0, 1], np.int32), "events.t is int32"),
     ],
 )
 def test_arrays_that_are_not_those_of_events_are_refused_before_a_kernel_writes_where_they_point(name, array, message):

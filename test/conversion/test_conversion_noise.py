@@ -114,3 +114,11 @@ def test_reset_forgets_the_neighbours():
 def test_events_of_another_sensor_are_refused():
     with pytest.raises(ConversionError, match="4x4 sensor came to a 8x8"):
         BackgroundActivityFilter(8, 8, WINDOW).filter(make_events([0], [0], [0], [1], 4, 4))
+
+
+def test_a_stream_may_begin_with_the_earliest_time_there_is():
+    first_ns = 1 - 2**62
+    events = make_events([first_ns, first_ns + 2000 * US], [3, 4], [3, 3], [1, 1], 8, 8)
+    whole, in_parts = (BackgroundActivityFilter(8, 8, NoiseFilterConfig(window_s=1e-3)) for _ in range(2))
+    assert len(whole.filter(events)) == 0
+    assert [len(in_parts.filter(part)) for part in (events[:1], events[1:])] == [0, 0]
