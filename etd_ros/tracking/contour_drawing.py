@@ -68,7 +68,7 @@ def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, 
     return inside
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def blur(drawn: Float32Array, room: Float32Array) -> None:
     """Smooth each channel by 1 4 6 4 1 (a Gaussian of one cell) both ways, in place; `room` is of the same shape."""
     channels, rows, columns = drawn.shape
