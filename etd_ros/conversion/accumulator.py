@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from etd_ros.boxes import Box
 from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch, not_following, not_of_sensor
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.frame_buffers import FrameBuffers, FrameData
+from etd_ros.conversion.frame_buffers import FrameBuffers
 from etd_ros.conversion.kernels import EMPTY_STATE, NEW_BATCH, STATE_DTYPE, advance, finish
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
@@ -50,15 +49,7 @@ class FrameAccumulator:
         self.start_ns = 0
         self._cell_size = cell_size
         self._counted_cells = cell_rectangles(None, width, height, cell_size)
-        # The unfinished frame's; None from when a frame is handed out until the next one's is needed.
-        self._memory: FrameData | None = self._buffers.memory
         self._has_begun = False
-
-    def __setstate__(self, attributes: dict[str, Any]) -> None:
-        """For copies, which write to memory of their own."""
-        self.__dict__.update(attributes)
-        if self._memory is not None:
-            self._memory = self._buffers.memory
 
     @property
     def events(self) -> int:
@@ -114,10 +105,9 @@ class FrameAccumulator:
                 return 0, 0.0, 0
             if not self._has_begun:
                 self.start_ns = t.item(0)
-        memory = self._memory
-        if memory is None:
-            memory = self._take_memory()
-        step = advance(self.store, self.state, t, events.x, events.y, events.p, first, self.start_ns, memory)
+        step = advance(
+            self.store, self.state, t, events.x, events.y, events.p, first, self.start_ns, self._buffers.memory
+        )
         if step[0] < 0:
             raise not_following(events, self._previous_ns)
         self._has_begun |= first == NEW_BATCH
@@ -140,21 +130,14 @@ class FrameAccumulator:
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._take_memory())
+        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._buffers.memory)
         return self.hand_out(stamp_ns, end, nzge, events)
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
         """The frame that a kernel has put into the buffers' memory; the next one starts at stamp_ns."""
-        frame = Frame(stamp_ns, self.start_ns, self._buffers.data, events, nzge, end)
+        frame = Frame(stamp_ns, self.start_ns, self._buffers.hand_out(), events, nzge, end)
         self.start_ns = stamp_ns
-        self._memory = None
         return frame
-
-    def _take_memory(self) -> FrameData:
-        """The memory of the unfinished frame; another one than the last frame's, which was handed out."""
-        if self._memory is None:
-            self._memory = self._buffers.take_turns()
-        return self._memory
 
     def skip_to(self, event_ns: int, max_duration_ns: int) -> Frame | None:
         """End the frame at its longest duration because an event at event_ns, later than that, has come.
@@ -171,9 +154,8 @@ class FrameAccumulator:
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        memory = self._take_memory()
-        finish(self.store, self.state, 0, memory)
-        memory.fill(0)
+        finish(self.store, self.state, 0, self._buffers.memory)
+        self._buffers.clear()
         self.state["previous_ns"] = BEFORE_ALL_NS
         self._has_begun = False
 

@@ -71,26 +71,29 @@ class FrameBuffers:
         self._groups = groups
         self._buffers = [_Buffer(self._shape, self._groups)]
         self._turn = 0
+        self._is_handed_out = False
 
     @property
     def memory(self) -> FrameData:
-        """The array that the unfinished frame is written to, uint8, flat; for the kernels."""
+        """The array that the unfinished frame is written to, uint8, flat; for the kernels.
+
+        Another one is looked for only now, as a reader that takes one frame after the other still holds the last one
+        when it is handed the next: so two are enough for it, and stay in the processor's near memory.
+        """
+        if self._is_handed_out:
+            self._is_handed_out = False
+            buffers = self._buffers
+            self._turn = (self._turn + 1) % len(buffers)
+            if not buffers[self._turn].is_free:
+                have_all = len(buffers) == BUFFERS_MAX
+                buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
         return self._buffers[self._turn].memory
 
-    @property
-    def data(self) -> FrameData:
-        """The same as the frame's data, read-only, shape (height, width, 2)."""
+    def hand_out(self) -> FrameData:
+        """The data of the frame that has been written, read-only, shape (height, width, 2)."""
+        self._is_handed_out = True
         return self._buffers[self._turn].data
 
-    def take_turns(self) -> FrameData:
-        """Go on to the next frame's memory, once the last one's data are with a reader.
-
-        To be called when that frame begins, not before: a reader that takes one frame after the other still holds the
-        last one when it is handed the next. So two are enough for it, and stay in the processor's near memory.
-        """
-        buffers = self._buffers
-        self._turn = (self._turn + 1) % len(buffers)
-        if not buffers[self._turn].is_free:
-            have_all = len(buffers) == BUFFERS_MAX
-            buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
-        return self.memory
+    def clear(self) -> None:
+        """Forget what the unfinished frame holds."""
+        self.memory.fill(0)

@@ -29,7 +29,7 @@ def test_nothing_of_an_earlier_frame_is_seen_in_one_that_has_its_memory(width, h
     accumulator = FrameAccumulator(width, height, cell_size)
     memories = set()
     for number in range(60):
-        memories.add(accumulator._take_memory().ctypes.data)
+        memories.add(accumulator._buffers.memory.ctypes.data)
         start_ns = (number + 1) * MS
         events = somewhere(number, width, height, start_ns)
         accumulator.accept(events)
