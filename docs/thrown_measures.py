@@ -1,6 +1,8 @@
 """Something thrown crosses the sensor once, in 0.1 to 0.9 s: what `etd-plus` makes of it.
 
-    python docs/thrown_measures.py [FIRST LAST]     # seeds, 0 and 80 if none are given; two minutes on two cores
+    python docs/thrown_measures.py [FIRST LAST [BANDWIDTH_HZ]]     # seeds, 0 and 80 if none are given
+
+Two minutes on two cores. With a bandwidth the sensor's pixels follow the light as late as that says, as real ones do.
 
 Balls and other things of 12 px to 0.3 of the sensor's height in the middle of their flight, 1.2 to 8 widths of the
 sensor a second, that up to double or halve on their way, turn and fall; the camera stands still, slides or shakes.
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from dataclasses import dataclass
 
 import numpy as np
 from seeded_scenes import SeededScene, seeds_asked_for, tracked
@@ -36,8 +39,11 @@ ROOM_PX = 40
 """What the background has beyond the sensor on each side, for the camera's motion."""
 
 
+@dataclass(frozen=True)
 class Thrown(SeededScene):
-    """A thing that is thrown."""
+    """A thing that is thrown, before a sensor of a bandwidth (Hz; 0: without end)."""
+
+    bandwidth_hz: float = 0.0
 
     def make(self) -> tuple[Scene, SensorConfig]:
         rng = np.random.default_rng([STREAM, self.seed])
@@ -55,6 +61,7 @@ class Thrown(SeededScene):
         sensor = SensorConfig(
             contrast_threshold=float(rng.uniform(0.15, 0.35)),
             threshold_spread=0.03,
+            bandwidth_hz=self.bandwidth_hz,
             noise_rate_hz=float(np.exp(rng.uniform(np.log(500), np.log(20_000)))),
             step_s=0.005,
             step_px=0.6,
@@ -116,7 +123,9 @@ def overlaps_of(thrown: Thrown) -> tuple[list[float], list[float]]:
 
 def main() -> None:
     """Print the mean AP and AR, and the AP that true boxes would have."""
-    of_all = list(of_each(overlaps_of, map(Thrown, seeds_asked_for(0, 80)), jobs=2))
+    bandwidth_hz = float(sys.argv[3]) if len(sys.argv) > 3 else 0.0
+    thrown = (Thrown(seed, bandwidth_hz) for seed in seeds_asked_for(0, 80))
+    of_all = list(of_each(overlaps_of, thrown, jobs=2))
     ap, true_ap = (np.array([np.mean(each) for each in kind]) for kind in zip(*of_all, strict=True))
     ar = np.mean([np.mean(np.array(found) >= SUCCESS_IOU) for found, _ in of_all])
     below = f"{np.count_nonzero(ap < SUCCESS_IOU)} below {SUCCESS_IOU}"

@@ -3,6 +3,7 @@ pixel's contrast threshold since its last event, and noise."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from numba import njit
 from etd_ros.events import EVENT_DTYPE, Events
 from etd_ros.parameters import Parameters, parameter
 from etd_ros.simulation.motion import FloatArray
+from etd_ros.simulation.photoreceptors import Photoreceptors
 from etd_ros.simulation.rendering import TILE, Renderer, Tiles
 from etd_ros.simulation.scene import Scene
 from etd_ros.simulation.steps import step_times_us
@@ -21,6 +23,9 @@ NS_PER_S = 1_000_000_000
 NS_PER_US = 1_000
 CROSSINGS_MAX = 16
 """Events of one pixel in one step at most; more means that the steps are too long for the motion."""
+
+STEPS_SHARE = 0.5
+"""Of the time constant of a pixel in full light, that a step lasts at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +38,9 @@ class SensorConfig(Parameters):
         0.0, "how much larger thresholds of falling light are than those of rising light (natural logarithm)",
         low=-2.0, high=2.0,
     )  # fmt: skip
+    bandwidth_hz: float = parameter(
+        0.0, "how fast a pixel in full light follows (Hz), in the dark a tenth of it; 0: at once", low=0.0, high=1e5
+    )
     refractory_s: float = parameter(0.0005, "dead time of a pixel after an event (s)", low=0.0, high=1.0)
     noise_rate_hz: float = parameter(2000.0, "background events of the whole sensor (events/s)", low=0.0, high=1e6)
     leak_rate_hz: float = parameter(
@@ -61,23 +69,34 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
     spread = config.threshold_spread * rng.standard_normal((2, *shape))
     thresholds = np.maximum(config.contrast_threshold + spread, config.contrast_threshold / 4)
     thresholds *= np.exp(config.threshold_bias * np.array([0.5, -0.5]))[:, None, None]
-    times_us = step_times_us(scene, step_s=config.step_s, step_px=config.step_px)
+    times_us = step_times_us(scene, step_s=_longest_step_s(config), step_px=config.step_px)
     renderer = Renderer(scene, times_us / 1e6)
     renderer.advance(0)
+    receptors = Photoreceptors(renderer.after, config.bandwidth_hz) if config.bandwidth_hz > 0 else None
     # Each pixel starts somewhere between two events, or all would wait equally long for their first.
     reference = renderer.after + thresholds[0] * rng.uniform(-1, 1, shape) / 2
     pixels = _Pixels(thresholds, reference, round(config.refractory_s * 1e6))
     hot = rng.integers(0, reference.size, config.hot_pixels)
     for number, (first_us, end_us) in enumerate(zip(times_us[:-1].tolist(), times_us[1:].tolist(), strict=True), 1):
         renderer.advance(number)
+        if receptors is not None:
+            receptors.advance(renderer.after, renderer.changed, (end_us - first_us) / 1e6)
+        seen = receptors or renderer
         # Thresholds that differ by polarity may make pixels fire at the start that nothing moved in.
-        tiles = renderer.changed if number > 1 else np.ones_like(renderer.changed)
-        signal = pixels.events(renderer.before, renderer.after, tiles, first_us, end_us)
+        tiles = seen.changed if number > 1 else np.ones_like(seen.changed)
+        signal = pixels.events(seen.before, seen.after, tiles, first_us, end_us)
         batch = np.concatenate([signal, _noise(rng, config, scene, hot, first_us, end_us)])
         if len(batch):
             batch = batch[np.argsort(batch["t"], kind="stable")]
             batch["t"] = start_ns + batch["t"] * NS_PER_US
             yield Events.from_structured(batch, scene.width, scene.height)
+
+
+def _longest_step_s(config: SensorConfig) -> float:
+    """The time between renderings (s), short enough that what follows the light does so evenly meanwhile."""
+    if config.bandwidth_hz == 0:
+        return config.step_s
+    return min(config.step_s, STEPS_SHARE / (2 * math.pi * config.bandwidth_hz))
 
 
 def _noise(

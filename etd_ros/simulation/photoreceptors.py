@@ -1,0 +1,71 @@
+"""Pixels that follow the light late: a photoreceptor's bandwidth is finite, and falls with the light (Hu et al. 2021,
+v2e, Sec. 4). Things that are fast lose contrast, and trail events behind them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from etd_ros.simulation.motion import FloatArray
+from etd_ros.simulation.rendering import TILE, Tiles
+
+DARKEST_SHARE = 0.1
+"""Of the bandwidth that the brightest pixels have: the darkest ones have no less."""
+SETTLED = 1e-3
+"""A pixel this near to the light's logarithm has arrived."""
+
+
+class Photoreceptors:
+    """A first-order low pass on each pixel's log intensity.
+
+    Args:
+        light: log intensity at first, at which the pixels have arrived; float64, shape (height, width).
+        bandwidth_hz: of a pixel at intensity 1.
+
+    Attributes:
+        before, after: what the pixels make of it at the last two times, like `light`.
+        changed: squares of TILE pixels in which these may differ, bool, shape (rows, columns).
+    """
+
+    def __init__(self, light: FloatArray, bandwidth_hz: float) -> None:
+        self.before, self.after = light.copy(), light.copy()
+        height, width = light.shape
+        self.changed: Tiles = np.zeros((-(-height // TILE), -(-width // TILE)), np.bool_)
+        self._rate_hz = 2 * math.pi * bandwidth_hz
+
+    def advance(self, light: FloatArray, changed: Tiles, duration_s: float) -> None:
+        """Follow the light (log intensity, which differs from before in the squares in `changed`) for a time (s)."""
+        _copy(self.after, self.before, self.changed)
+        self.changed |= changed
+        _follow(self.before, self.after, light, self.changed, self._rate_hz * duration_s)
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: FloatArray, target: FloatArray, tiles: Tiles) -> None:
+    height, width = source.shape
+    for row in range(height):
+        for tile in range(tiles.shape[1]):
+            if tiles[row // TILE, tile]:
+                for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
+                    target[row, column] = source[row, column]
+
+
+@njit(cache=True, nogil=True)
+def _follow(before: FloatArray, after: FloatArray, light: FloatArray, changed: Tiles, reach: float) -> None:
+    """Move each pixel of the changed squares on by as many time constants as `reach` times its intensity; a square in
+    which all had arrived has not changed."""
+    height, width = before.shape
+    for tile_row in range(changed.shape[0]):
+        for tile in range(changed.shape[1]):
+            if not changed[tile_row, tile]:
+                continue
+            farthest = 0.0
+            for row in range(tile_row * TILE, min(height, (tile_row + 1) * TILE)):
+                for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
+                    way = light[row, column] - before[row, column]
+                    farthest = max(farthest, abs(way))
+                    share = min(max(math.exp(light[row, column]), DARKEST_SHARE), 1.0)
+                    after[row, column] = before[row, column] + (1 - math.exp(-reach * share)) * way
+            changed[tile_row, tile] = farthest > SETTLED
