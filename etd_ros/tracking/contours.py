@@ -25,6 +25,7 @@ from etd_ros.tracking.contour_kernels import (
     search,
 )
 from etd_ros.tracking.misfits import Misfits, Sight
+from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 
@@ -57,6 +58,8 @@ EVENTS_WANTED, WINDOW_MAX_PX = 30.0, 8.0
 this."""
 FAST_SIZES_PER_S = 8.0
 """What moves faster than this does not come to a halt at once."""
+OUTLINE_GAIN, OUTLINE_TRUST_MIN = 0.3, 0.5
+"""How much of what lies beyond a fast target's box is taken into it by a look, if that is trusted by so much."""
 VELOCITY_PX = 2.0
 VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
@@ -319,6 +322,8 @@ class Contours:
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float, *, sees_covers: bool) -> None:
         """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1); cells that
         show what covers the target count less from now on, if `sees_covers`."""
+        if self.is_fast and trust > OUTLINE_TRUST_MIN:
+            self._take_in_outline(surface)
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
@@ -405,6 +410,18 @@ class Contours:
             self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(config.scale_gain * too_small), least), most)
         if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):
             self.pose[ANGLE] += config.angle_gain * turned
+
+    def _take_in_outline(self, surface: TimeSurface) -> None:
+        """Move and enlarge the box towards what lies beyond it and is of the target."""
+        box = self.box
+        window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX)
+        points, count = surface.points(window, max(self._motion_s(), SPAN_MIN_S))
+        beyond = beyond_box(points, count, self.pose, self.velocity, box.w, box.h)
+        growth = beyond.growth(box.w, box.h)
+        if growth > 0:
+            self.pose[SCALE] = min(self.pose[SCALE] * math.exp(OUTLINE_GAIN * growth), SCALE_LIMITS[1])
+            self.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
+            self._growing.doubt_if_below_0()
 
     def _note_direction(self) -> None:
         arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]

@@ -30,6 +30,11 @@ class SteadyChange:
         self.per_s = 0.0
         self._sum = self._squares = 0.0
 
+    def doubt_if_below_0(self) -> None:
+        """What seemed to become less has become more: believe half of the rate."""
+        if self.per_s < 0:
+            self.per_s /= 2
+
     def learn(self, misfit: float, elapsed_s: float) -> bool:
         """Take what a look says that the part is off by, so long after the last one; whether it is known to change."""
         kept = math.exp(-elapsed_s / AGREEING_S)
