@@ -76,7 +76,9 @@ def _beyond_box(points: Float32Array, count: int, pose: Float64Array, velocity: 
                 half_height: float) -> Float64Array:  # fmt: skip
     """`beyond_box`; float64, shape (4,). Zone and what lies beyond it are square rings, a side's part as long as the
     box and half of the zone."""
-    near_px = NEAR_PX + NEAR_S * math.hypot(velocity[ALONG_X], velocity[ALONG_Y])
+    speed = math.hypot(velocity[ALONG_X], velocity[ALONG_Y])
+    near_px = NEAR_PX + NEAR_S * speed
+    outward = -velocity[ALONG_X], velocity[ALONG_X], -velocity[ALONG_Y], velocity[ALONG_Y]
     rims = np.zeros((4, BINS))
     others = np.zeros(4)
     inside = ring = 0.0
@@ -98,7 +100,7 @@ def _beyond_box(points: Float32Array, count: int, pose: Float64Array, velocity: 
                 rims[side, min(BINS - 1, int(out / ZONE_PX * BINS))] += 1
             else:
                 others[side] += 1
-    beyond = np.zeros(4)
+    beyond, is_ahead = np.zeros(4), False
     if inside < INSIDE_MIN or ring > OTHERS_MAX * inside:
         return beyond
     for side in range(4):
@@ -109,4 +111,7 @@ def _beyond_box(points: Float32Array, count: int, pose: Float64Array, velocity: 
                 part += 1
                 nearer += rims[side, part]
             beyond[side] = near_px + (part + 0.5) / BINS * ZONE_PX
-    return beyond
+            if outward[side] >= 0:
+                is_ahead = True
+    # Behind alone it may be a trail: pixels that follow the light late have events there.
+    return beyond if is_ahead else np.zeros(4)
