@@ -30,6 +30,7 @@ RIM_QUANTILE = 0.8
 BINS = 12
 """Parts of the zone's depth that are told apart."""
 INSIDE_MIN = 12.0
+"""Fewer points in the box say nothing about it."""
 
 
 class Beyond(NamedTuple):
@@ -58,7 +59,7 @@ class Beyond(NamedTuple):
 def beyond_box(
     points: Float32Array, count: int, pose: Float64Array, velocity: Float64Array, width: float, height: float
 ) -> Beyond:
-    """What a target's points say of its box.
+    """What a target's points say of its box: of the sides behind only where they say something of another one as well.
 
     Args:
         points: as `TimeSurface.points` returns them, of the box and some ten pixels round it.
