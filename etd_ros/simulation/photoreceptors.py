@@ -1,5 +1,5 @@
 """Pixels that follow the light late: a photoreceptor's bandwidth is finite, and falls with the light (Hu et al. 2021,
-v2e, Sec. 4). Things that are fast lose contrast, and trail events behind them."""
+v2e). Things that are fast lose contrast, and trail events behind them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from etd_ros.simulation.motion import FloatArray
-from etd_ros.simulation.rendering import TILE, Tiles
+from etd_ros.simulation.rendering import TILE, Tiles, copy_tiles
 
 DARKEST_SHARE = 0.1
 """Of the bandwidth that the brightest pixels have: the darkest ones have no less."""
@@ -37,19 +37,9 @@ class Photoreceptors:
 
     def advance(self, light: FloatArray, changed: Tiles, duration_s: float) -> None:
         """Follow the light (log intensity, which differs from before in the squares in `changed`) for a time (s)."""
-        _copy(self.after, self.before, self.changed)
+        copy_tiles(self.after, self.before, self.changed)
         self.changed |= changed
         _follow(self.before, self.after, light, self.changed, self._rate_hz * duration_s)
-
-
-@njit(cache=True, nogil=True)
-def _copy(source: FloatArray, target: FloatArray, tiles: Tiles) -> None:
-    height, width = source.shape
-    for row in range(height):
-        for tile in range(tiles.shape[1]):
-            if tiles[row // TILE, tile]:
-                for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
-                    target[row, column] = source[row, column]
 
 
 @njit(cache=True, nogil=True)

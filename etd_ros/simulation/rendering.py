@@ -78,7 +78,7 @@ class Renderer:
         """Render the time of this number, which follows the one rendered last."""
         layers, placements, lights = self._layers, self._placements, self._lights
         if self._last >= 0:
-            _copy_tiles(self.after, self.before, self.changed)
+            copy_tiles(self.after, self.before, self.changed)
             self._find_changes(self._last, number)
         if self.changed.any():
             _paint_background(self._image, layers.background, placements[number, 0], self.changed)
@@ -154,7 +154,8 @@ def _mark(changed: Tiles, height: int, width: int, entry: IntArray, placement: F
 
 
 @njit(cache=True, nogil=True)
-def _copy_tiles(source: FloatArray, target: FloatArray, tiles: Tiles) -> None:
+def copy_tiles(source: FloatArray, target: FloatArray, tiles: Tiles) -> None:
+    """Copy the squares of `tiles` from one image of log intensity to another."""
     height, width = source.shape
     for row in range(height):
         for tile in range(tiles.shape[1]):

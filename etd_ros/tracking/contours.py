@@ -406,10 +406,14 @@ class Contours:
             # A part of the target cannot tell whether it moves or grows.
             too_small *= 1 - self._cells.covered
             self._growing.learn(too_small, elapsed_s)
-            least, most = SCALE_LIMITS
-            self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(config.scale_gain * too_small), least), most)
+            self._grow(config.scale_gain * too_small)
         if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):
             self.pose[ANGLE] += config.angle_gain * turned
+
+    def _grow(self, growth: float) -> None:
+        """Change the scale's logarithm, within limits."""
+        least, most = SCALE_LIMITS
+        self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(growth), least), most)
 
     def _take_in_outline(self, surface: TimeSurface) -> None:
         """Move and enlarge the box towards what lies beyond it and is of the target."""
@@ -419,7 +423,7 @@ class Contours:
         beyond = beyond_box(points, count, self.pose, self.velocity, box.w, box.h)
         growth = beyond.growth(box.w, box.h)
         if growth > 0:
-            self.pose[SCALE] = min(self.pose[SCALE] * math.exp(OUTLINE_GAIN * growth), SCALE_LIMITS[1])
+            self._grow(OUTLINE_GAIN * growth)
             self.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
             self._growing.doubt_if_below_0()
 
