@@ -35,17 +35,19 @@ class Photoreceptors:
         self.changed: Tiles = np.zeros((-(-height // TILE), -(-width // TILE)), np.bool_)
         self._rate_hz = 2 * math.pi * bandwidth_hz
 
-    def advance(self, light: FloatArray, changed: Tiles, duration_s: float) -> None:
-        """Follow the light (log intensity, which differs from before in the squares in `changed`) for a time (s)."""
+    def advance(self, light_before: FloatArray, light_after: FloatArray, changed: Tiles, duration_s: float) -> None:
+        """Follow the light for a time (s), in which its logarithm goes evenly from one value to the other; these differ
+        in the squares in `changed` alone."""
         copy_tiles(self.after, self.before, self.changed)
         self.changed |= changed
-        _follow(self.before, self.after, light, self.changed, self._rate_hz * duration_s)
+        _follow(self.before, self.after, light_before, light_after, self.changed, self._rate_hz * duration_s)
 
 
 @njit(cache=True, nogil=True)
-def _follow(before: FloatArray, after: FloatArray, light: FloatArray, changed: Tiles, reach: float) -> None:
-    """Move each pixel of the changed squares on by as many time constants as `reach` times its intensity; a square in
-    which all had arrived has not changed."""
+def _follow(before: FloatArray, after: FloatArray, light_before: FloatArray, light_after: FloatArray, changed: Tiles,
+            reach: float) -> None:  # fmt: skip
+    """Move each pixel of the changed squares on by as many time constants as `reach` times its intensity, where
+    the light changes evenly. A square in which all had arrived, at a light that stays, has not changed."""
     height, width = before.shape
     for tile_row in range(changed.shape[0]):
         for tile in range(changed.shape[1]):
@@ -54,8 +56,12 @@ def _follow(before: FloatArray, after: FloatArray, light: FloatArray, changed: T
             farthest = 0.0
             for row in range(tile_row * TILE, min(height, (tile_row + 1) * TILE)):
                 for column in range(tile * TILE, min(width, (tile + 1) * TILE)):
-                    way = light[row, column] - before[row, column]
-                    farthest = max(farthest, abs(way))
-                    share = min(max(math.exp(light[row, column]), DARKEST_SHARE), 1.0)
-                    after[row, column] = before[row, column] + (1 - math.exp(-reach * share)) * way
+                    way = light_before[row, column] - before[row, column]
+                    change = light_after[row, column] - light_before[row, column]
+                    farthest = max(farthest, abs(way), abs(way + change))
+                    constants = reach * min(max(math.exp(light_after[row, column]), DARKEST_SHARE), 1.0)
+                    # Behind an even change a pixel is late by a time constant in the end.
+                    lag = change / constants
+                    way_left = lag + (way - lag) * math.exp(-constants)
+                    after[row, column] = light_after[row, column] - way_left
             changed[tile_row, tile] = farthest > SETTLED

@@ -39,7 +39,7 @@ class SensorConfig(Parameters):
         low=-2.0, high=2.0,
     )  # fmt: skip
     bandwidth_hz: float = parameter(
-        0.0, "how fast a pixel in full light follows (Hz), in the dark a tenth of it; 0: at once", low=0.0, high=1e5
+        0.0, "how fast a pixel in full light follows (Hz), in the dark a tenth of it; 0: at once", low=0.0, high=5e3
     )
     refractory_s: float = parameter(0.0005, "dead time of a pixel after an event (s)", low=0.0, high=1.0)
     noise_rate_hz: float = parameter(2000.0, "background events of the whole sensor (events/s)", low=0.0, high=1e6)
@@ -80,7 +80,7 @@ def simulate(scene: Scene, *, seed: int, start_ns: int = 0, config: SensorConfig
     for number, (first_us, end_us) in enumerate(zip(times_us[:-1].tolist(), times_us[1:].tolist(), strict=True), 1):
         renderer.advance(number)
         if receptors is not None:
-            receptors.advance(renderer.after, renderer.changed, (end_us - first_us) / 1e6)
+            receptors.advance(renderer.before, renderer.after, renderer.changed, (end_us - first_us) / 1e6)
         seen = receptors or renderer
         # Thresholds that differ by polarity may make pixels fire at the start that nothing moved in.
         tiles = seen.changed if number > 1 else np.ones_like(seen.changed)

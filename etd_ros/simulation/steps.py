@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,6 +13,8 @@ from etd_ros.simulation.scene import Scene
 SAMPLE_S = 0.001
 """Distance of the times at which speeds are looked at."""
 STEPS_PER_FLICKER = 12
+STEPS_TOLERANCE = 1e-6
+"""What is a whole number of steps but for so little of one is that."""
 
 
 def step_times_us(scene: Scene, *, step_s: float, step_px: float) -> npt.NDArray[np.int64]:
@@ -19,10 +23,12 @@ def step_times_us(scene: Scene, *, step_s: float, step_px: float) -> npt.NDArray
     Args:
         scene: what is rendered.
         step_s: the longest time between two of them (s).
-        step_px: the farthest that anything on the sensor may move meanwhile (pixels); 0: they are step_s apart.
+        step_px: the farthest that anything on the sensor may move meanwhile (pixels); 0: all times between them are
+            equally long.
     """
     if step_px == 0:
-        return np.array([round(number * step_s * 1e6) for number in range(round(scene.duration_s / step_s) + 1)])
+        steps = max(1, math.ceil(scene.duration_s / step_s - STEPS_TOLERANCE))
+        return np.unique(np.rint(np.arange(steps + 1) * (scene.duration_s / steps) * 1e6).astype(np.int64))
     times = np.arange(0, scene.duration_s + 2 * SAMPLE_S, SAMPLE_S)
     rate_hz = np.maximum(1 / step_s, fastest_px_s(scene, times) / step_px)
     flickers = [scene.flicker, *(sprite.flicker for sprite in scene.sprites)]

@@ -320,9 +320,10 @@ class Contours:
         self._growing.stop()
 
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float, *, sees_covers: bool) -> None:
-        """Fit scale and angle to the newest events at the pose, and learn from them by their trust (0 to 1); cells that
-        show what covers the target count less from now on, if `sees_covers`."""
-        if self.is_fast and trust > OUTLINE_TRUST_MIN:
+        """Take into the box what lies beyond that of a fast target, fit scale and angle to the newest events, and learn
+        from them by their trust (0 to 1); cells that show what covers the target count less from now on, if
+        `sees_covers`."""
+        if self.config.scale_gain > 0 and self.is_fast and trust > OUTLINE_TRUST_MIN:
             self._take_in_outline(surface)
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
@@ -417,9 +418,10 @@ class Contours:
 
     def _take_in_outline(self, surface: TimeSurface) -> None:
         """Move and enlarge the box towards what lies beyond it and is of the target."""
-        box = self.box
-        window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX)
-        points, count = surface.points(window, max(self._motion_s(), SPAN_MIN_S))
+        box, span_s = self.box, max(self._motion_s(), SPAN_MIN_S)
+        # What comes after the target was as far behind as that goes in the meantime.
+        window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX + self.speed_px_s * span_s)
+        points, count = surface.points(window, span_s)
         beyond = beyond_box(points, count, self.pose, self.velocity, box.w, box.h)
         growth = beyond.growth(box.w, box.h)
         if growth > 0:

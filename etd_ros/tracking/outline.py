@@ -21,14 +21,16 @@ ZONE_PX = 3.0
 """What is of the target lies up to this far beyond that; twice as far beyond it, other things would be seen."""
 OTHERS_MAX = 0.05
 """Nothing else moves near by if there are no more points than this share of those in the box."""
-RIM_MIN, RIM_SHARE = 4.0, 0.02
-"""A side of the rim has so many points, and this share of those in the box."""
+RIM_SHARE = 0.02
+"""A side of the rim has this share of the points in the box."""
 RIM_TIMES = 4.0
-"""And more than so many times as many as lie beyond them."""
+"""And more than so many times as many as lie beyond them, and one."""
 RIM_QUANTILE = 0.8
 """The rim is where this share of its points is nearer."""
 BINS = 12
 """Parts of the zone's depth that are told apart."""
+AHEAD_SHARE = 0.2
+"""A side is ahead to which the target moves at more than this share of its speed."""
 INSIDE_MIN = 12.0
 """Fewer points in the box say nothing about it."""
 
@@ -59,7 +61,7 @@ class Beyond(NamedTuple):
 def beyond_box(
     points: Float32Array, count: int, pose: Float64Array, velocity: Float64Array, width: float, height: float
 ) -> Beyond:
-    """What a target's points say of its box: of the sides behind only where they say something of another one as well.
+    """What a target's points say of its box: nothing where they say nothing of a side ahead.
 
     Args:
         points: as `TimeSurface.points` returns them, of the box and some ten pixels round it.
@@ -106,13 +108,13 @@ def _beyond_box(points: Float32Array, count: int, pose: Float64Array, velocity: 
         return beyond
     for side in range(4):
         rim = rims[side].sum()
-        if rim >= max(RIM_MIN, RIM_SHARE * inside) and rim > RIM_TIMES * (others[side] + 1):
+        if rim >= RIM_SHARE * inside and rim > RIM_TIMES * (others[side] + 1):
             part, nearer = 0, rims[side, 0]
             while nearer < RIM_QUANTILE * rim:
                 part += 1
                 nearer += rims[side, part]
             beyond[side] = near_px + (part + 0.5) / BINS * ZONE_PX
-            if outward[side] >= 0:
+            if outward[side] > AHEAD_SHARE * speed:
                 is_ahead = True
-    # Behind alone it may be a trail: pixels that follow the light late have events there.
+    # Behind and beside alone it may be a trail: pixels that follow the light late have events there.
     return beyond if is_ahead else np.zeros(4)
