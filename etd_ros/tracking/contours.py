@@ -9,21 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.cell_trust import CellTrust
-from etd_ros.tracking.cell_weights import OUTSIDE_FADES, WEIGHT_FADES, oval
 from etd_ros.tracking.contour_config import ContourConfig
-from etd_ros.tracking.contour_drawing import learn, normalise, splat
-from etd_ros.tracking.contour_kernels import (
-    ANGLE,
-    MAPS,
-    SCALE,
-    WEIGHT,
-    Float32Array,
-    Float64Array,
-    arm_cells,
-    score_at,
-    search,
-)
+from etd_ros.tracking.contour_drawing import normalise, splat
+from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64Array, arm_cells, score_at, search
+from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.steady_change import SteadyChange
@@ -65,9 +54,6 @@ VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
 BIAS_PX = 4.0
 """The direction so far counts like this much motion when the polarity of a place is predicted."""
-RECENT_RATE, LATEST_TIMES = 0.1, 3.0
-"""Share of what the target looks like lately that a look renews; of what its last few looks are, so many times as
-much."""
 NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
@@ -77,11 +63,10 @@ SPEED_MIN_PX_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Impression:
-    """What a target looked like at some time: memories, directions of motion that they have seen, the last of them, and
-    how it was turned (rad)."""
+    """What a target looked like at some time: memories, the last direction of its motion, and how it was turned
+    (rad)."""
 
-    memories: Float32Array
-    seen: Float64Array
+    remembered: Remembered
     direction: Float64Array
     angle_rad: float
 
@@ -128,21 +113,14 @@ class Contours:
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self.size_px = box.w, box.h
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
-        self._memories: Float32Array = np.zeros((3, MAPS, rows, columns), np.float32)
-        self._usual, self._recent, self._latest = self._memories
         width, height = (side / self.cell_px for side in self.size_px)
-        self._memories[:, WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
-        outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
-        self._cells = CellTrust(self._usual, outside)
+        self._memories = Memories(rows, columns, width, height)
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
-        self.direction = np.zeros(4)
-        self._seen = np.zeros((2, 2))
-        self._kept_memories = np.empty_like(self._memories)
-        self.keep_memories()
+        self.direction = self._kept_direction = np.zeros(4)
         self._arm_cells = arm_cells(rows, columns)
-        self._misfits = Misfits(self._usual[WEIGHT], self._arm_cells, self.cell_px, config.ridge_weight)
+        self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._events_per_px: float | None = None
         self._events_waiting = 0
@@ -191,14 +169,14 @@ class Contours:
     def known(self) -> float:
         """How much of what this direction of motion shows has been seen, 0 to 1: edges along it make no events."""
         x, y, turning, growing = self.direction.tolist()
-        return self._known_along(*self._turned(x, y)) + turning**2 + growing**2
+        return self._memories.known_along(*self._turned(x, y)) + turning**2 + growing**2
 
     def known_along(self, direction: tuple[float, float]) -> float:
         """The same for a target that moves in a direction (x, y of any length) and neither turns nor grows."""
         length = math.hypot(*direction)
         if length == 0:
             return self.known
-        return self._known_along(*self._turned(direction[0] / length, direction[1] / length))
+        return self._memories.known_along(*self._turned(direction[0] / length, direction[1] / length))
 
     @property
     def motion(self) -> Float64Array:
@@ -207,11 +185,13 @@ class Contours:
 
     @property
     def _maps(self) -> Float32Array:
-        return self._cells.both if self.is_changing else self._cells.trusted
+        cells = self._memories.cells
+        return cells.both if self.is_changing else cells.trusted
 
     @property
     def _norms(self) -> Float64Array:
-        return self._cells.both_norms if self.is_changing else self._cells.trusted_norms
+        cells = self._memories.cells
+        return cells.both_norms if self.is_changing else cells.trusted_norms
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
@@ -335,10 +315,9 @@ class Contours:
         inside = splat(points, count, self.pose, self.cell_px, sight.velocity, self.drawn)
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
-        normalise(self.drawn, self.room, self._usual[WEIGHT], 1.0)
-        direction = self._direction_by_the_cell()
-        self._misfits.learn_preferences(sight, self.drawn, direction)
-        self._learn(direction, rate, max(rate, trust * RECENT_RATE), sees_covers=sees_covers)
+        normalise(self.drawn, self.room, self._memories.weight, 1.0)
+        self._misfits.learn_preferences(sight, self.drawn, self._direction_by_the_cell())
+        self._learn(rate, trust, sees_covers=sees_covers)
 
     def stop(self) -> None:
         """Take the target to be at rest."""
@@ -349,26 +328,28 @@ class Contours:
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
-        normalise(self.drawn, self.room, self._usual[WEIGHT], looks)
-        self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
+        normalise(self.drawn, self.room, self._memories.weight, looks)
+        self._learn(1.0, 1.0, sees_covers=False)
         self._looks = looks_known
 
     def keep_memories(self) -> None:
         """Keep what the target looks like now, as it is seen surely."""
-        np.copyto(self._kept_memories, self._memories)
-        self._kept_seen, self._kept_direction = self._seen.copy(), self.direction
+        self._memories.keep()
+        self._kept_direction = self.direction
 
     def restore_memories(self) -> None:
         """Go back to what was kept last: what was learnt since may be of what covered the target."""
-        self._recall(self._kept_memories, self._kept_seen, self._kept_direction)
+        self._memories.restore()
+        self.direction = self._kept_direction
 
     def impression(self) -> Impression:
         """What the target looks like now."""
-        return Impression(self._memories.copy(), self._seen.copy(), self.direction, float(self.pose[ANGLE]))
+        return Impression(self._memories.remembered(), self.direction, float(self.pose[ANGLE]))
 
     def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
         """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
-        self._recall(impression.memories, impression.seen, impression.direction)
+        self._memories.recall(impression.remembered)
+        self.direction = impression.direction
         self.pose[:] = *box.center, 1.0, impression.angle_rad
         upright = self.box
         least, most = SCALE_LIMITS
@@ -381,19 +362,13 @@ class Contours:
 
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
-        self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=False)
+        self._memories.uncover()
 
-    def _recall(self, memories: Float32Array, seen: Float64Array, direction: Float64Array) -> None:
-        np.copyto(self._memories, memories)
-        self._seen, self.direction = seen.copy(), direction
-
-    def _learn(self, direction: Float64Array, usual_rate: float, recent_rate: float, *, sees_covers: bool) -> None:
+    def _learn(self, rate: float, trust: float, *, sees_covers: bool) -> None:
         """Move the memories towards what is drawn and normalised."""
-        learn(self._usual, self.drawn, direction, usual_rate)
-        learn(self._recent, self.drawn, direction, recent_rate)
-        learn(self._latest, self.drawn, direction, min(1.0, LATEST_TIMES * recent_rate))
-        self._cells.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
-        self._see(usual_rate)
+        self._memories.learn(self.drawn, self._direction_by_the_cell(), rate, trust, sees_covers=sees_covers)
+        across, down, *_ = self.direction.tolist()
+        self._memories.see(*self._turned(across, down), rate * (1 - self.known))
 
     def _sight(self, points: Float32Array, count: int) -> Sight:
         return Sight(points, count, self.pose, self.motion, BIAS_PX * self.direction)
@@ -405,7 +380,7 @@ class Contours:
         too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            too_small *= 1 - self._cells.covered
+            too_small *= 1 - self._memories.cells.covered
             self._growing.learn(too_small, elapsed_s)
             self._grow(config.scale_gain * too_small)
         if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):
@@ -441,19 +416,10 @@ class Contours:
         x, y, turning, growing = self.direction.tolist()
         return np.array([*self._turned(x, y), turning / self._arm_cells, growing / self._arm_cells])
 
-    def _see(self, rate: float) -> None:
-        across, down, *_ = self.direction.tolist()
-        x, y = self._turned(across, down)
-        self._seen += rate * (1 - self.known) * np.array([[x * x, x * y], [x * y, y * y]])
-
     def _turned(self, x: float, y: float) -> tuple[float, float]:
         """A direction in the model's coordinates."""
         cos, sin = math.cos(self.pose[ANGLE]), math.sin(self.pose[ANGLE])
         return cos * x + sin * y, cos * y - sin * x
-
-    def _known_along(self, x: float, y: float) -> float:
-        (xx, xy), (yx, yy) = self._seen.tolist()
-        return float(x * (xx * x + xy * y) + y * (yx * x + yy * y))
 
     def _changed(self, since_s: float) -> tuple[float, float]:
         """Scale and angle after a time, if growing and turning go on."""

@@ -7,7 +7,7 @@ from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, sc
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contour_target, contours, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contour_target, contours, memories, start_up
 
 
 def lag_px(scene, frames, since_s):
@@ -48,7 +48,7 @@ def test_what_lies_behind_a_target_does_not_draw_its_box_along(monkeypatch, seed
         return np.mean([overlap(report, truth) for _, report, truth in tracked(scene, frames=frames)])
 
     with_trust = mean_overlap()
-    monkeypatch.setattr(contours, "OUTSIDE_FADES", (9.0, 10.0))
+    monkeypatch.setattr(memories, "OUTSIDE_FADES", (9.0, 10.0))
     assert with_trust > mean_overlap() + 0.015
 
 
@@ -87,13 +87,13 @@ def test_the_size_of_what_is_covered_is_not_fitted(monkeypatch):
         return tracked(scene, frames=frames)[-1][1].box.w / SIZE
 
     assert growth() > 1.2
-    weigh = contours.CellTrust.weigh
+    weigh = memories.CellTrust.weigh
 
-    def say_covered(self, *memories, sees_covers):
-        weigh(self, *memories, sees_covers=sees_covers)
+    def say_covered(self, *maps, sees_covers):
+        weigh(self, *maps, sees_covers=sees_covers)
         self.covered = 1.0
 
-    monkeypatch.setattr(contours.CellTrust, "weigh", say_covered)
+    monkeypatch.setattr(memories.CellTrust, "weigh", say_covered)
     assert growth() == pytest.approx(1.0, rel=0.01)
 
 
