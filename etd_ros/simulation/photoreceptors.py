@@ -59,7 +59,8 @@ def _follow(before: FloatArray, after: FloatArray, light_before: FloatArray, lig
                     way = light_before[row, column] - before[row, column]
                     change = light_after[row, column] - light_before[row, column]
                     farthest = max(farthest, abs(way), abs(way + change))
-                    constants = reach * min(max(math.exp(light_after[row, column]), DARKEST_SHARE), 1.0)
+                    halfway = (light_before[row, column] + light_after[row, column]) / 2
+                    constants = reach * min(max(math.exp(halfway), DARKEST_SHARE), 1.0)
                     # Behind an even change a pixel is late by a time constant in the end.
                     lag = change / constants
                     way_left = lag + (way - lag) * math.exp(-constants)

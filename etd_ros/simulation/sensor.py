@@ -50,7 +50,7 @@ class SensorConfig(Parameters):
     hot_pixel_rate_hz: float = parameter(200.0, "events of each of them (events/s)", low=0.0, high=1e5)
     step_s: float = parameter(0.001, "time between renderings (s); the longest where they adapt", low=1e-5, high=0.1)
     step_px: float = parameter(
-        0.0, "motion between renderings (pixels) that shortens their time; 0: all are step_s long", low=0.0, high=10.0
+        0.0, "motion between renderings (pixels) that shortens their time; 0: all are equally long", low=0.0, high=10.0
     )
 
 

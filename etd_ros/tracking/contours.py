@@ -300,9 +300,9 @@ class Contours:
         self._growing.stop()
 
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float, *, sees_covers: bool) -> None:
-        """Take into the box what lies beyond that of a fast target, fit scale and angle to the newest events, and learn
-        from them by their trust (0 to 1); cells that show what covers the target count less from now on, if
-        `sees_covers`."""
+        """Take into the box what lies beyond that of a fast target, unless its size is kept; fit scale and angle to the
+        newest events, and learn from them by their trust (0 to 1); cells that show what covers the target count less
+        from now on, if `sees_covers`."""
         if self.config.scale_gain > 0 and self.is_fast and trust > OUTLINE_TRUST_MIN:
             self._take_in_outline(surface)
         box = self.box.scaled(MARGIN)
@@ -394,7 +394,7 @@ class Contours:
     def _take_in_outline(self, surface: TimeSurface) -> None:
         """Move and enlarge the box towards what lies beyond it and is of the target."""
         box, span_s = self.box, max(self._motion_s(), SPAN_MIN_S)
-        # What comes after the target was as far behind as that goes in the meantime.
+        # What comes after the target was as far behind as that goes in the meantime: short frames have kept it there.
         window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX + self.speed_px_s * span_s)
         points, count = surface.points(window, span_s)
         beyond = beyond_box(points, count, self.pose, self.velocity, box.w, box.h)

@@ -68,7 +68,8 @@ class Memories:
             drawn: normalised, shape (2, rows, columns).
             direction: of the motion, as `contour_drawing.learn` takes it.
             rate: how much of the usual memory is renewed, 0 to 1.
-            trust: how far the look is trusted: by so much the others are renewed.
+            trust: how far the look is trusted: the recent memory is renewed by RECENT_RATE of that, by `rate` at least,
+                and the latest by LATEST_TIMES as much.
             sees_covers: whether cells that show what covers the target count less from now on.
         """
         recent_rate = max(rate, trust * RECENT_RATE)

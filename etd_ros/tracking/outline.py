@@ -64,7 +64,8 @@ def beyond_box(
     """What a target's points say of its box: nothing where they say nothing of a side ahead.
 
     Args:
-        points: as `TimeSurface.points` returns them, of the box and some ten pixels round it.
+        points: as `TimeSurface.points` returns them, of the box, some ten pixels round it, and where
+            what is there was before.
         count: of the points.
         pose: x, y of the middle (pixels), and what else a pose has.
         velocity: x, y (pixels/s), and what else a motion has.

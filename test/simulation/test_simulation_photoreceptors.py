@@ -1,6 +1,7 @@
 """Pixels that follow the light late, against the closed form of a first-order low pass."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -41,6 +42,20 @@ def test_a_pixel_is_late_behind_light_that_changes_evenly_however_long_the_steps
     constant_s = 1 / (2 * math.pi * BANDWIDTH_HZ)
     late_s = constant_s * (1 - math.exp(-duration_s / constant_s))
     assert receptors.after[3, 5] == pytest.approx(change * (1 - late_s / duration_s))
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.1, 0.9), (0.9, 0.1), (0.3, 0.8)])
+def test_light_that_changes_within_a_time_constant_is_followed_nearly_the_same_in_one_step_as_in_many(first, last):
+    def after(steps):
+        lights = np.linspace(math.log(first), math.log(last), steps + 1)
+        receptors = Photoreceptors(np.full((HEIGHT, WIDTH), lights[0]), BANDWIDTH_HZ)
+        duration_s = 0.5 / (2 * math.pi * BANDWIDTH_HZ)
+        for before, light in itertools.pairwise(lights):
+            frames = (np.full((HEIGHT, WIDTH), value) for value in (before, light))
+            receptors.advance(*frames, np.ones_like(receptors.changed), duration_s / steps)
+        return receptors.after[3, 5] - lights[0]
+
+    assert after(1) == pytest.approx(after(100), abs=0.05 * abs(math.log(last / first)))
 
 
 def test_squares_change_until_all_of_their_pixels_have_arrived():

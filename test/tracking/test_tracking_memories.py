@@ -76,7 +76,16 @@ def test_looks_are_compared_with_the_usual_memory_or_with_the_mean_of_both_where
     assert cells.trusted == pytest.approx(cells.both)
     for _ in range(3):
         memories.learn(drawn_at(17), TO_THE_RIGHT, 0.02, 1.0, sees_covers=False)
-    memories.uncover()
     usual, both = (abs(maps[GRADIENT_X, 12, 17]) for maps in (cells.trusted, cells.both))
     assert both > usual > 0
-    assert cells.covered == 0
+
+
+def test_what_changes_on_one_side_covers_the_target_until_all_of_it_is_trusted_again(memories):
+    for _ in range(20):
+        memories.learn(drawn_at(8) + drawn_at(17), TO_THE_RIGHT, 1.0, 1.0, sees_covers=True)
+    assert memories.cells.covered == 0
+    for _ in range(5):
+        memories.learn(drawn_at(8), TO_THE_RIGHT, 0.0, 1.0, sees_covers=True)
+    assert memories.cells.covered > 0.5
+    memories.uncover()
+    assert memories.cells.covered == 0

@@ -137,11 +137,11 @@ def test_events_behind_and_beside_do_not_count_by_themselves_as_they_may_be_a_tr
     assert min(found_with(behind, above, below, ahead)) > 1
 
 
-FRAME_NS = 2_000_000
+FRAMES, FRAME_NS = 8, 250_000
 
 
 def looked_at(places, **changed):
-    """A fast target of 20 pixels that has looked once at events of these places, and where its middle was."""
+    """A fast target of 20 pixels that has looked once at 2 ms of events of these places, in short frames."""
     settings = {
         "growing_per_s": 0.0,
         "velocity_px_s": (1000.0, 0.0),
@@ -150,24 +150,34 @@ def looked_at(places, **changed):
         "scale": 1.0,
     }
     settings |= changed
+    velocity = np.array(settings["velocity_px_s"])
     contours = Contours(Box(90.0, 70.0, 20.0, 20.0), 0, ContourConfig(scale_gain=settings["scale_gain"]))
-    contours.velocity[:] = settings["velocity_px_s"]
+    contours.velocity[:] = velocity
     contours.pose[2] = settings["scale"]
     contours._growing.per_s = settings["growing_per_s"]
-    contours.stamp_ns = FRAME_NS
-    points = points_at(
-        settings["scale"] * places, np.random.default_rng(0), np.array([*settings["velocity_px_s"], 0.0, 0.0])
-    )
-    levels = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
-    rows, columns = points[:, 1].astype(int), points[:, 0].astype(int)
-    levels[rows, columns, (points[:, 3] < 0).astype(int)] = 255 - 254 * points[:, 2] / (FRAME_NS * 1e-9)
+    span_s = FRAMES * FRAME_NS * 1e-9
+    points = points_at(settings["scale"] * places, np.random.default_rng(0), velocity)
+    frames = np.minimum((span_s - points[:, 2]) / (FRAME_NS * 1e-9), FRAMES - 1e-3)
     surface = TimeSurface(WIDTH, HEIGHT)
-    surface.take(FRAME_NS, levels, 0)
-    surface.keep((0, HEIGHT, 0, WIDTH))
-    window = surface.window(contours.box, 20.0)
-    splat(*surface.points(window, 1.0), contours.pose, contours.cell_px, contours.motion, contours.drawn)
+    contours.pose[:2] -= velocity * span_s
+    for number in range(FRAMES):
+        of_frame = points[frames.astype(int) == number]
+        levels = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+        rows, columns = of_frame[:, 1].astype(int), of_frame[:, 0].astype(int)
+        levels[rows, columns, (of_frame[:, 3] < 0).astype(int)] = 1 + 254 * (frames[frames.astype(int) == number] % 1)
+        surface.take((number + 1) * FRAME_NS, levels, number * FRAME_NS)
+        contours.keep(surface)
+    contours.pose[:2] = POSE[:2]
+    contours.stamp_ns = FRAMES * FRAME_NS
+    splat(
+        *surface.points(surface.window(contours.box, 20.0), 1.0),
+        contours.pose,
+        contours.cell_px,
+        contours.motion,
+        contours.drawn,
+    )
     contours.begin(np.array([1.0, 0.0]), 1.0, 10)
-    contours.adapt(surface, FRAME_NS * 1e-9, settings["trust"], sees_covers=False)
+    contours.adapt(surface, span_s, settings["trust"], sees_covers=False)
     return contours
 
 
