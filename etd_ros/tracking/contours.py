@@ -316,8 +316,9 @@ class Contours:
         self._count_events(inside, span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._memories.weight, 1.0)
-        self._misfits.learn_preferences(sight, self.drawn, self._direction_by_the_cell())
-        self._learn(rate, trust, sees_covers=sees_covers)
+        direction = self._direction_by_the_cell()
+        self._misfits.learn_preferences(sight, self.drawn, direction)
+        self._learn(direction, rate, trust, sees_covers=sees_covers)
 
     def stop(self) -> None:
         """Take the target to be at rest."""
@@ -329,7 +330,7 @@ class Contours:
         """Make the model what is drawn in `drawn`, the sum of so many looks."""
         self.direction = np.array([*direction, 0.0, 0.0])
         normalise(self.drawn, self.room, self._memories.weight, looks)
-        self._learn(1.0, 1.0, sees_covers=False)
+        self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
         self._looks = looks_known
 
     def keep_memories(self) -> None:
@@ -364,11 +365,11 @@ class Contours:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
         self._memories.uncover()
 
-    def _learn(self, rate: float, trust: float, *, sees_covers: bool) -> None:
-        """Move the memories towards what is drawn and normalised."""
-        self._memories.learn(self.drawn, self._direction_by_the_cell(), rate, trust, sees_covers=sees_covers)
-        across, down, *_ = self.direction.tolist()
-        self._memories.see(*self._turned(across, down), rate * (1 - self.known))
+    def _learn(self, direction: Float64Array, rate: float, trust: float, *, sees_covers: bool) -> None:
+        """Move the memories towards what is drawn and normalised, with a direction by the cell."""
+        self._memories.learn(self.drawn, direction, rate, trust, sees_covers=sees_covers)
+        x, y, *_ = direction.tolist()
+        self._memories.see(x, y, rate * (1 - self.known))
 
     def _sight(self, points: Float32Array, count: int) -> Sight:
         return Sight(points, count, self.pose, self.motion, BIAS_PX * self.direction)

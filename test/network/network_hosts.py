@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from loopback_profile import write_loopback_profile
 from ros_domains import fresh_domains
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -28,7 +29,6 @@ TIMEOUT_S, POLL_S = 60.0, 0.05
 INTERFACE = "camera_link"
 DISCOVERY_GROUP = "0100FFEF"
 """239.255.0.1, where Fast DDS announces itself, as /proc/net/igmp writes it."""
-LOOPBACK_ONLY = "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>"
 HOLD = "mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo ready && exec cat"
 """A host's process: it lives until its input ends, with whoever has made it."""
 
@@ -106,12 +106,8 @@ class Network:
         Args:
             folder: where a configuration can be written.
         """
-        profile = REPOSITORY / "config" / "fastdds_shm.xml"
-        if not self.has_namespaces:
-            # Not by the discovery range LOCALHOST: that brings shared memory back.
-            udp = (REPOSITORY / "config" / "fastdds_udp.xml").read_text()
-            profile = folder / "fastdds_loopback.xml"
-            profile.write_text(udp.replace("<type>UDPv4</type>", f"<type>UDPv4</type>{LOOPBACK_ONLY}"))
+        shared_memory = REPOSITORY / "config" / "fastdds_shm.xml"
+        profile = shared_memory if self.has_namespaces else write_loopback_profile(folder)
         return {
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
             "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),

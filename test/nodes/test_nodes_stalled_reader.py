@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 from conftest import Bench
+from loopback_profile import write_loopback_profile
 from vision_msgs.msg import Detection2DArray
 
 BOXES = 600
@@ -39,26 +40,6 @@ kept = [
 ]
 rclpy.spin(node)
 """
-UDP_OF_LOOPBACK = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com">
-  <profiles>
-    <transport_descriptors>
-      <transport_descriptor>
-        <transport_id>udp</transport_id>
-        <type>UDPv4</type>
-        <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
-      </transport_descriptor>
-    </transport_descriptors>
-    <participant profile_name="udp" is_default_profile="true">
-      <rtps>
-        <userTransports><transport_id>udp</transport_id></userTransports>
-        <useBuiltinTransports>false</useBuiltinTransports>
-      </rtps>
-    </participant>
-  </profiles>
-</dds>
-"""
-"""With the system's own range of discovery: LOCALHOST adds shared memory again. The others announce themselves here."""
 
 
 class Viewer:
@@ -106,12 +87,10 @@ def near_viewer(bench: Bench, tmp_path: Path) -> Iterator[Viewer]:
 
 @pytest.fixture
 def far_viewer(bench: Bench, tmp_path: Path) -> Iterator[Viewer]:
-    profile = tmp_path / "udp.xml"
-    profile.write_text(UDP_OF_LOOPBACK)
     made = Viewer(
         bench,
         tmp_path / "far.log",
-        FASTRTPS_DEFAULT_PROFILES_FILE=str(profile),
+        FASTRTPS_DEFAULT_PROFILES_FILE=str(write_loopback_profile(tmp_path)),
         ROS_AUTOMATIC_DISCOVERY_RANGE="SYSTEM_DEFAULT",
     )
     yield made

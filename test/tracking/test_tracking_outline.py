@@ -138,33 +138,35 @@ def test_events_behind_and_beside_do_not_count_by_themselves_as_they_may_be_a_tr
 
 
 FRAMES, FRAME_NS = 8, 250_000
+SCALE_GAIN = ContourConfig().scale_gain
 
 
-def looked_at(places, **changed):
+def looked_at(
+    places,
+    *,
+    velocity_px_s=(1000.0, 0.0),
+    growing_per_s=0.0,
+    scale=1.0,
+    scale_gain=SCALE_GAIN,
+    trust=1.0,
+):
     """A fast target of 20 pixels that has looked once at 2 ms of events of these places, in short frames."""
-    settings = {
-        "growing_per_s": 0.0,
-        "velocity_px_s": (1000.0, 0.0),
-        "scale_gain": ContourConfig().scale_gain,
-        "trust": 1.0,
-        "scale": 1.0,
-    }
-    settings |= changed
-    velocity = np.array(settings["velocity_px_s"])
-    contours = Contours(Box(90.0, 70.0, 20.0, 20.0), 0, ContourConfig(scale_gain=settings["scale_gain"]))
+    velocity = np.array(velocity_px_s)
+    contours = Contours(Box(90.0, 70.0, 20.0, 20.0), 0, ContourConfig(scale_gain=scale_gain))
     contours.velocity[:] = velocity
-    contours.pose[2] = settings["scale"]
-    contours._growing.per_s = settings["growing_per_s"]
+    contours.pose[2] = scale
+    contours._growing.per_s = growing_per_s
     span_s = FRAMES * FRAME_NS * 1e-9
-    points = points_at(settings["scale"] * places, np.random.default_rng(0), velocity)
+    points = points_at(scale * places, np.random.default_rng(0), velocity)
     frames = np.minimum((span_s - points[:, 2]) / (FRAME_NS * 1e-9), FRAMES - 1e-3)
     surface = TimeSurface(WIDTH, HEIGHT)
     contours.pose[:2] -= velocity * span_s
     for number in range(FRAMES):
-        of_frame = points[frames.astype(int) == number]
+        is_of_frame = frames.astype(int) == number
+        of_frame = points[is_of_frame]
         levels = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
         rows, columns = of_frame[:, 1].astype(int), of_frame[:, 0].astype(int)
-        levels[rows, columns, (of_frame[:, 3] < 0).astype(int)] = 1 + 254 * (frames[frames.astype(int) == number] % 1)
+        levels[rows, columns, (of_frame[:, 3] < 0).astype(int)] = 1 + 254 * (frames[is_of_frame] % 1)
         surface.take((number + 1) * FRAME_NS, levels, number * FRAME_NS)
         contours.keep(surface)
     contours.pose[:2] = POSE[:2]
@@ -177,7 +179,7 @@ def looked_at(places, **changed):
         contours.drawn,
     )
     contours.begin(np.array([1.0, 0.0]), 1.0, 10)
-    contours.adapt(surface, span_s, settings["trust"], sees_covers=False)
+    contours.adapt(surface, span_s, trust, sees_covers=False)
     return contours
 
 
