@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from recovery_trainings import SHORT
 
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.config import VALIDATION_SEEDS
+from etd_ros.recovery.training.sequences import SequenceCache
 
 
 @pytest.fixture(scope="session")

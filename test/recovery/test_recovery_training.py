@@ -16,10 +16,12 @@ from recovery_trainings import SHORT
 
 from etd_ros.recovery import RecoveryError
 from etd_ros.recovery.training import sequences
+from etd_ros.recovery.training.compact_lesson import CompactLesson
+from etd_ros.recovery.training.config import VALIDATION_SEEDS
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.loop import Progress, Training, prepare
 from etd_ros.recovery.training.making import SequenceMaker
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.sequences import SequenceCache
 from etd_ros.recovery.weights_file import SHIPPED, load_compact
 
 
@@ -31,7 +33,8 @@ def _one_thread():
 @pytest.fixture
 def training(sequence_folder, tmp_path):
     def make(name: str = "out", config=SHORT, **options) -> Training:
-        return Training(config, SequenceCache(sequence_folder), tmp_path / name, **options)
+        cache = SequenceCache(sequence_folder)
+        return Training(config, cache, tmp_path / name, make_lesson=CompactLesson, **options)
 
     return make
 
@@ -63,8 +66,9 @@ def test_pairs_that_other_processes_cut_teach_the_same(training):
 def test_a_damaged_sequence_is_named_whoever_reads_it(tmp_path, sequence_folder, processes):
     shutil.copytree(sequence_folder, tmp_path / "cache")
     (tmp_path / "cache" / "0000001.images.npy").write_bytes(b"no array")
+    cache = SequenceCache(tmp_path / "cache")
     with pytest.raises(TrainingError, match="^[^ ]*0000001.images.npy: sequence 1 is missing or damaged"):
-        run(Training(SHORT, SequenceCache(tmp_path / "cache"), tmp_path / "out", processes=processes), until=3)
+        run(Training(SHORT, cache, tmp_path / "out", make_lesson=CompactLesson, processes=processes), until=3)
 
 
 def test_only_so_many_sequences_are_kept_open(sequence_folder, monkeypatch):
@@ -197,4 +201,4 @@ def test_folders_that_cannot_be_made_are_named(tmp_path, sequence_folder):
     with pytest.raises(TrainingError, match="no folder for the cache"):
         SequenceCache(tmp_path / "file" / "cache")
     with pytest.raises(TrainingError, match="no folder for the results"):
-        Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out")
+        Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out", make_lesson=CompactLesson)

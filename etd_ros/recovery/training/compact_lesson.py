@@ -10,9 +10,9 @@ import torch
 from etd_ros.recovery.compact import Compact
 from etd_ros.recovery.training.config import AugmentationConfig
 from etd_ros.recovery.training.loss import Losses, compare, losses_of
-from etd_ros.recovery.training.pairs import PairSampler
+from etd_ros.recovery.training.pairs import Batch, PairSampler
 from etd_ros.recovery.training.sequences import SequenceCache
-from etd_ros.recovery.training.validation import Figures, Tensors, validate
+from etd_ros.recovery.training.validation import Figures, Tensors, placed, tensors_of, validate
 from etd_ros.recovery.weights_file import COMPACT, load_weights, save_compact
 
 
@@ -26,13 +26,18 @@ class CompactLesson:
     """
 
     name = "compact"
+    weights_name = "compact.safetensors"
     loss_names = Losses._fields
 
     def __init__(
         self, cache: SequenceCache, device: torch.device, augmentation: AugmentationConfig | None = None
     ) -> None:
-        self.network = Compact().to(device)
+        self._device = device
+        self.network = placed(Compact(), device)
         self.sampler = PairSampler(cache.sequence, augmentation)
+
+    def tensors(self, batch: Batch) -> Tensors:
+        return tensors_of(batch, self._device)
 
     def losses(self, batch: Tensors) -> Losses:
         comparison = compare(self.network, batch.exemplars, batch.sizes, batch.windows)

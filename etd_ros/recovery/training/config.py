@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from etd_ros.parameters import Parameters, parameter
 
 SEQUENCES_MAX = 1_000_000
+VALIDATION_SEEDS = SEQUENCES_MAX
+"""Training draws sequences from seeds below, validation from here on."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ from etd_ros.recovery.config import RecoveryConfig
 from etd_ros.recovery.crops import Picture
 from etd_ros.recovery.picture_trackers import compact_network, make_siamfc, make_siamrpn
 from etd_ros.recovery.siamrpn_tracking import COMPACT, VOT, Scoring, SiamRpnTracker
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, Sequence
+from etd_ros.recovery.training.config import VALIDATION_SEEDS
+from etd_ros.recovery.training.sequences import Sequence
 from etd_ros.recovery.training.video import video_sequence
 
 SHOWN_SEEDS = 2_000_000

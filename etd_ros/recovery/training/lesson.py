@@ -4,12 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from torch import Tensor, nn
 
-from etd_ros.recovery.training.pairs import PairSampler
-from etd_ros.recovery.training.validation import Tensors
+BatchT = TypeVar("BatchT")
+BatchT_co = TypeVar("BatchT_co", covariant=True)
+TensorsT = TypeVar("TensorsT")
+
+
+class Cache(Protocol):
+    """Sequences by number, each made once; numbers are their seeds. It is pickled for other processes."""
+
+    def has(self, seed: int) -> bool:
+        """Whether a sequence has been made."""
+        ...
+
+    def make(self, seed: int) -> None:
+        """Make a sequence unless it is there."""
+        ...
+
+
+class Sampler(Protocol[BatchT_co]):
+    """Draws batches; every batch depends on its generator alone. It is pickled for other processes."""
+
+    def batch(self, rng: np.random.Generator, seeds: npt.NDArray[np.int64], count: int) -> BatchT_co:
+        """`count` examples from the sequences of `seeds`.
+
+        Raises:
+            TrainingError: a sequence is missing or damaged.
+        """
+        ...
 
 
 class Losses(Protocol):
@@ -38,16 +65,16 @@ class Figures(Protocol):
         ...
 
 
-class Lesson(Protocol):
-    """A network, the pairs that it learns from, its loss and its figures.
+class Lesson(Protocol[BatchT, TensorsT]):
+    """A network, the batches that it learns from, its loss and its figures.
 
     Attributes:
-        name: the network's; its weights are kept in `<name>.safetensors`.
-        sampler: draws its pairs; may be handed to other processes.
+        name: the network's.
+        weights_name: of the file in which its weights are kept.
     """
 
     name: str
-    sampler: PairSampler
+    weights_name: str
 
     @property
     def loss_names(self) -> tuple[str, ...]:
@@ -59,11 +86,20 @@ class Lesson(Protocol):
         """On the training's device."""
         ...
 
-    def losses(self, batch: Tensors) -> Losses:
+    @property
+    def sampler(self) -> Sampler[BatchT]:
+        """Draws its batches."""
+        ...
+
+    def tensors(self, batch: BatchT) -> TensorsT:
+        """The batch as the network takes it, on the training's device."""
+        ...
+
+    def losses(self, batch: TensorsT) -> Losses:
         """The network's loss on a batch."""
         ...
 
-    def validate(self, batches: Sequence[Tensors]) -> Figures:
+    def validate(self, batches: Sequence[TensorsT]) -> Figures:
         """Figures over batches that it was not trained on; the network is in training mode again afterwards."""
         ...
 
@@ -71,7 +107,7 @@ class Lesson(Protocol):
         """Take the weights of a file.
 
         Raises:
-            RecoveryError: no readable weights of this network.
+            EtdError: no readable weights of this network.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""The training: steps on pairs, a figure now and then, and checkpoints to go on from."""
+"""The training: steps on batches, a figure now and then, and checkpoints to go on from."""
 
 from __future__ import annotations
 
@@ -10,20 +10,16 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 import torch
 
-from etd_ros.recovery.training.compact_lesson import CompactLesson
-from etd_ros.recovery.training.config import TrainingConfig
+from etd_ros.recovery.training.config import VALIDATION_SEEDS, TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.lesson import Figures, Lesson
-from etd_ros.recovery.training.making import PairCutter, SequenceMaker
-from etd_ros.recovery.training.pairs import Batch
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
-from etd_ros.recovery.training.validation import Tensors, memory_format_of, tensors_of
+from etd_ros.recovery.training.lesson import BatchT, Cache, Figures, Lesson, TensorsT
+from etd_ros.recovery.training.making import BatchCutter, SequenceMaker
 from etd_ros.recovery.weights_file import load_pickle
 
 CHECKPOINT_NAME, LOG_NAME = "checkpoint.pt", "log.csv"
@@ -31,6 +27,8 @@ VALIDATION_STREAM = 6
 GRADIENT_MAX = 5.0
 THREADS_MAX = 1024
 AVERAGED_STEPS = 50
+
+CacheT = TypeVar("CacheT", bound=Cache)
 
 
 def prepare(device: str, threads: int, minutes: float, processes: int = 1) -> None:
@@ -62,29 +60,29 @@ class Progress(NamedTuple):
     figures: Figures | None
 
 
-class Training:
+class Training(Generic[BatchT, TensorsT]):
     """A training that can stop after any step and go on from its checkpoint as if it had not.
 
     Every batch follows from the seed and the step's number, and so does the step size unless `minutes` limits it.
 
     Args:
         config: what is trained.
-        cache: folder of the simulated sequences.
+        cache: keeps the sequences.
         output: folder of checkpoint, log and weights.
-        make_lesson: of a cache and a device, what is trained, from random weights.
+        make_lesson: of the cache and the device, what is trained, from random weights.
         device: where it runs.
         minutes: the step size falls so that it ends after this time, or the steps, whichever comes first.
-        processes: that simulate sequences; from 2 on as many others cut the pairs, which a GPU waits for otherwise.
+        processes: that make sequences; from 2 on as many others cut the batches, which a GPU waits for otherwise.
             The weights do not depend on it.
     """
 
     def __init__(
         self,
         config: TrainingConfig,
-        cache: SequenceCache,
+        cache: CacheT,
         output: Path,
         *,
-        make_lesson: Callable[[SequenceCache, torch.device], Lesson] = CompactLesson,
+        make_lesson: Callable[[CacheT, torch.device], Lesson[BatchT, TensorsT]],
         device: str = "cpu",
         minutes: float = math.inf,
         processes: int = 1,
@@ -94,7 +92,6 @@ class Training:
         torch.manual_seed(config.seed)
         self._lesson = make_lesson(cache, self._device)
         self.network = self._lesson.network
-        self.network.to(memory_format=memory_format_of(self._device))  # type: ignore[call-overload]
         self._optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
@@ -148,7 +145,7 @@ class Training:
         averages: list[tuple[float, ...]] = []
         try:
             validation = self._validation(maker)
-            cutter = PairCutter(self._lesson.sampler, config)
+            cutter = BatchCutter(self._lesson.sampler, config)
             with closing(cutter.batches(maker.steps(self.step, last), self._processes)) as batches:
                 for batch in batches:
                     share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
@@ -166,14 +163,14 @@ class Training:
         finally:
             maker.stop()
 
-    def _take_step(self, batch: Batch, share: float) -> tuple[float, ...]:
+    def _take_step(self, batch: BatchT, share: float) -> tuple[float, ...]:
         if self._config.settled > 0 and share >= 1 - self._config.settled:
             for module in self.network.modules():
                 if isinstance(module, torch.nn.BatchNorm2d):
                     module.eval()
         for group in self._optimiser.param_groups:
             group["lr"] = self._learning_rate(share)
-        losses = self._lesson.losses(tensors_of(batch, self._device))
+        losses = self._lesson.losses(self._lesson.tensors(batch))
         if not bool(torch.isfinite(losses.total)):
             msg = f"the loss is not finite at step {self.step}: train anew with a smaller learning_rate"
             raise TrainingError(msg)
@@ -187,12 +184,12 @@ class Training:
         rising = min(1.0, (self.step + 1) / (self._config.warm_up_steps + 1))
         return self._config.learning_rate * rising * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
 
-    def _validation(self, maker: SequenceMaker) -> list[Tensors]:
+    def _validation(self, maker: SequenceMaker) -> list[TensorsT]:
         config = self._config
         maker.wait_for_validation()
         seeds = VALIDATION_SEEDS + np.arange(config.validation_sequences)
         rngs = [np.random.default_rng([VALIDATION_STREAM, number]) for number in range(config.validation_batches)]
-        return [tensors_of(self._lesson.sampler.batch(rng, seeds, config.batch), self._device) for rng in rngs]
+        return [self._lesson.tensors(self._lesson.sampler.batch(rng, seeds, config.batch)) for rng in rngs]
 
     def _described(self) -> dict[str, Any]:
         """What a checkpoint must have been made with to go on from it."""
@@ -211,7 +208,7 @@ class Training:
             torch.save(state, partial)
             partial.replace(self._output / CHECKPOINT_NAME)
             shown = {name: f"{value:.4f}" for name, value in figures._asdict().items()}
-            weights_name = f"{self._lesson.name}.safetensors"
+            weights_name = self._lesson.weights_name
             partial = self._output / f".{weights_name}"
             self._lesson.save(partial, {"steps": str(self.step), "seed": str(self._config.seed), **shown})
             partial.replace(self._output / weights_name)

@@ -1,4 +1,4 @@
-"""Sequences made, and pairs cut from them, by other processes while the training goes on."""
+"""Sequences made, and batches cut from them, by other processes while the training goes on."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ import cv2
 import numpy as np
 from torch.utils.data import DataLoader, Dataset
 
-from etd_ros.recovery.training.config import TrainingConfig
+from etd_ros.recovery.training.config import VALIDATION_SEEDS, TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.recovery.training.pairs import Batch, PairSampler
-from etd_ros.recovery.training.sequences import VALIDATION_SEEDS, SequenceCache
+from etd_ros.recovery.training.lesson import BatchT, Cache, Sampler
 
 WAIT_S = 0.2
 TRAINING_STREAM = 5
 """Beside the seed and the step: of no other choice."""
 BATCHES_AHEAD = 2
-"""Of each process that cuts pairs; their sequences are waited for as much sooner."""
+"""Of each process that cuts them; their sequences are waited for as much sooner."""
 NICENESS, CUTTING_NICENESS = 10, 5
-"""The training goes first where they share a core, then what cuts its pairs: it waits for sequences only where it has
+"""The training goes first where they share a core, then what cuts its batches: it waits for sequences only where it has
 none to draw from."""
 
 
@@ -37,7 +36,7 @@ class SequenceMaker:
         processes: how many.
     """
 
-    def __init__(self, cache: SequenceCache, config: TrainingConfig, processes: int = 1) -> None:
+    def __init__(self, cache: Cache, config: TrainingConfig, processes: int = 1) -> None:
         self._cache, self._config, self._ready = cache, config, 0
         training = range(config.sequences)
         self._validation = range(VALIDATION_SEEDS, VALIDATION_SEEDS + config.validation_sequences)
@@ -94,25 +93,25 @@ class SequenceMaker:
         )
 
 
-class PairCutter(Dataset["Batch | TrainingError"]):
+class BatchCutter(Dataset[BatchT | TrainingError]):
     """The batches of a training by the number of their step, each decided by the seed and that number.
 
     Args:
-        sampler: cuts the pairs.
-        config: says how many, from which sequences.
+        sampler: cuts them.
+        config: says how large, from which sequences.
     """
 
-    def __init__(self, sampler: PairSampler, config: TrainingConfig) -> None:
+    def __init__(self, sampler: Sampler[BatchT], config: TrainingConfig) -> None:
         self._sampler, self._config = sampler, config
 
-    def __getitem__(self, step: int) -> Batch | TrainingError:
+    def __getitem__(self, step: int) -> BatchT | TrainingError:
         """The batch, or what went wrong: another process's errors would come as its whole traceback."""
         try:
             return self.batch(step)
         except TrainingError as err:
             return err
 
-    def batch(self, step: int) -> Batch:
+    def batch(self, step: int) -> BatchT:
         """The batch of a step.
 
         Raises:
@@ -121,7 +120,7 @@ class PairCutter(Dataset["Batch | TrainingError"]):
         rng = np.random.default_rng([TRAINING_STREAM, self._config.seed, step])
         return self._sampler.batch(rng, np.arange(self._config.pool(step)), self._config.batch)
 
-    def batches(self, steps: Iterable[int], processes: int) -> Generator[Batch]:
+    def batches(self, steps: Iterable[int], processes: int) -> Generator[BatchT]:
         """The batches of `steps` in their order, cut ahead by so many processes; by this one where it is one.
 
         Raises:
@@ -157,7 +156,7 @@ def _begin_cutting(_: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _make(cache: SequenceCache, seeds: list[int]) -> None:
+def _make(cache: Cache, seeds: list[int]) -> None:
     os.nice(NICENESS)
     training = os.getppid()
     for seed in seeds:

@@ -74,7 +74,7 @@ class _Pair(NamedTuple):
 
 
 class PairSampler:
-    """Draws batches; every batch depends on its generator alone.
+    """A `Sampler`: draws batches of pairs.
 
     Args:
         sequences: a sequence by its seed.

@@ -28,8 +28,6 @@ RANDOM_STREAM = 4
 """Beside the seed: no seed makes a scene of another part of the project."""
 OPEN_MAX = 500
 """Of a process's sequences; it may have 1024 files open on most systems."""
-VALIDATION_SEEDS = 1_000_000
-"""Training draws sequences from seeds below, validation from here on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +102,7 @@ RECONSTRUCTED = Pictures("images", "boxes", simulated_sequence)
 
 
 class SequenceCache:
-    """Sequences by number in a folder, each made once; numbers are their seeds.
+    """A `Cache`: sequences by number in a folder, each made once; numbers are their seeds.
 
     Images stay in their files and are mapped into memory, so many more sequences fit than memory holds.
     """

@@ -14,9 +14,9 @@ from torch.nn import functional
 from etd_ros.recovery.siamfc import SIAMFC, SMALL, SiamFc, save_small
 from etd_ros.recovery.siamfc_tracking import SMALL_GEOMETRY
 from etd_ros.recovery.training.config import AugmentationConfig
-from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Crops, PairSampler
+from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Batch, Crops, PairSampler
 from etd_ros.recovery.training.sequences import SequenceCache
-from etd_ros.recovery.training.validation import Tensors
+from etd_ros.recovery.training.validation import Tensors, placed, tensors_of
 from etd_ros.recovery.weights_file import load_weights
 
 CROPS = Crops(SMALL_GEOMETRY.exemplar_side, SMALL_GEOMETRY.instance_side, follows_size=True)
@@ -62,11 +62,16 @@ class SiamFcLesson:
     """
 
     name = "siamfc"
+    weights_name = "siamfc.safetensors"
     loss_names = Loss._fields
 
     def __init__(self, cache: SequenceCache, device: torch.device) -> None:
-        self.network = SiamFc(SMALL).to(device)
+        self._device = device
+        self.network = placed(SiamFc(SMALL), device)
         self.sampler = PairSampler(cache.sequence, AUGMENTATION, CROPS)
+
+    def tensors(self, batch: Batch) -> Tensors:
+        return tensors_of(batch, self._device)
 
     def losses(self, batch: Tensors) -> Loss:
         logits = self.network(batch.exemplars, batch.windows)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Items
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from etd_ros.recovery.compact import INSTANCE_SIDE, Compact, boxes_of
 from etd_ros.recovery.training.loss import compare, intersection_over_union, losses_of
@@ -17,6 +17,8 @@ from etd_ros.recovery.training.pairs import HIDDEN_MAX, SEEN_MIN, Batch
 FALSE_ALARM_SHARE = 0.01
 REACH_PX = 36.0
 """Centres nearer to the window's middle than this can be answered."""
+
+NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 
 class Figures(NamedTuple):
@@ -51,12 +53,18 @@ class Tensors(NamedTuple):
 def tensors_of(batch: Batch, device: torch.device) -> Tensors:
     """The batch as the network takes it."""
     exemplars, sizes, windows, boxes, visible = (torch.from_numpy(array).to(device) for array in batch)
-    memory_format = memory_format_of(device)
+    memory_format = _memory_format_of(device)
     crops = (crop[:, None].float().contiguous(memory_format=memory_format) for crop in (exemplars, windows))
     return Tensors(next(crops), sizes, next(crops), boxes, visible)
 
 
-def memory_format_of(device: torch.device) -> torch.memory_format:
+def placed(network: NetworkT, device: torch.device) -> NetworkT:
+    """The network on a device, as it takes crops there."""
+    network.to(device).to(memory_format=_memory_format_of(device))  # type: ignore[call-overload]
+    return network
+
+
+def _memory_format_of(device: torch.device) -> torch.memory_format:
     """Channels last are a third less time for a step on a CPU, and a half more on a GPU."""
     return torch.channels_last if device.type == "cpu" else torch.contiguous_format
 
