@@ -23,7 +23,7 @@ setup(
     version="0.1.0",
     packages=find_packages(include=["etd_ros", "etd_ros.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
-        "etd_ros": ["py.typed", "labelling/page/*", "recovery/weights/*.safetensors"],
+        "etd_ros": ["py.typed", "labelling/page/*", "recovery/weights/*.safetensors", "tracking/weights/*.npz"],
         "msg_adapters": ["py.typed"],
     },
     data_files=[

@@ -35,7 +35,7 @@ from etd_ros.recovery import make_recovery
 from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
 from etd_ros.targets import TargetStart, check_start, unique_targets
-from etd_ros.tracking import DEFAULT_METHOD, Click, MultiTracker, Starter, TargetReport, method_named
+from etd_ros.tracking import DEFAULT_METHOD, Click, Corrector, MultiTracker, Starter, TargetReport, method_named
 
 T = TypeVar("T")
 
@@ -237,6 +237,7 @@ def make_tracker(
     clicks: bool = False,
     auto: bool = False,
     search_wait_s: float = math.inf,
+    corrector: Corrector | None = None,
 ) -> MultiTracker:
     """The tracking stage of a method.
 
@@ -249,6 +250,7 @@ def make_tracker(
         clicks: whether targets may be started by clicks.
         auto: whether moving objects become targets by themselves; clicks are taken, too.
         search_wait_s: how long the search of an image is waited for (s), as for `MultiTracker`.
+        corrector: says how far boxes are off, as for `MultiTracker`.
 
     Raises:
         TrackingError: an unknown method.
@@ -270,6 +272,7 @@ def make_tracker(
         searches=searches,
         starter=starter,
         search_wait_s=search_wait_s,
+        corrector=corrector,
     )
 
 
@@ -283,6 +286,7 @@ def track(
     settings: Settings | None = None,
     threads: bool = True,
     searches: bool = False,
+    corrector: Corrector | None = None,
 ) -> Generator[Step, None, None]:
     """Track targets through one sensor's events, as they come from `Recording.streams` or a `StreamGuard`.
 
@@ -297,6 +301,7 @@ def track(
             caller's, a few frames ahead. The steps are the same without. Where NZGE is measured in the targets' search
             regions, each frame waits for the boxes of the last one, and that thread only reads.
         searches: whether reports say how the targets were looked for (`TargetReport.search`), to be drawn.
+        corrector: says how far boxes of `etd-plus` are off, instead of the network that ships.
 
     Raises:
         BoxError, TrackingError, TargetError: a target that cannot be started.
@@ -313,7 +318,10 @@ def track(
             parts = _images(parts, settings)
         with _ahead(parts, threads and not frames_wait) as made, closing(longest):
             has_clicks = any(isinstance(start, Click) for start in starts)
-            make = partial(make_tracker, method, settings=settings, searches=searches, clicks=has_clicks, auto=auto)
+            make = partial(
+                make_tracker, method, settings=settings, searches=searches, clicks=has_clicks, auto=auto,
+                corrector=corrector,
+            )  # fmt: skip
             yield from _steps(made, starts, make, regions, longest)
 
 

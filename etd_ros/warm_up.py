@@ -15,7 +15,6 @@ from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
 from etd_ros.tracking.pointed_object import PointedObject
-from etd_ros.tracking.start_up import LOOKS as START_LOOKS
 from msg_adapters import ENCODINGS, Layout, decoder_for
 from msg_adapters.header import Header, write_header
 from msg_adapters.layout import Writer
@@ -73,7 +72,7 @@ def _reconstruct() -> None:
 def _track() -> None:
     for tracker, frames in (
         (MultiTracker(SENSOR_SIDE, SENSOR_SIDE), 3),
-        (MultiTracker(SENSOR_SIDE, SENSOR_SIDE, contours=ContourConfig()), 2 * START_LOOKS),
+        (MultiTracker(SENSOR_SIDE, SENSOR_SIDE, contours=ContourConfig()), STEPS),
     ):
         tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
         events = _moving_square()
@@ -133,7 +132,7 @@ def _moving_square() -> Events:
     outline_x = np.concatenate([side, side, np.zeros_like(side), np.full_like(side, SQUARE_SIDE - 1)])
     outline_y = np.concatenate([np.zeros_like(side), np.full_like(side, SQUARE_SIDE - 1), side, side])
     step = np.repeat(np.arange(STEPS), len(outline_x))
-    x = np.tile(outline_x, STEPS) + 8 + step % 16
+    x = np.tile(outline_x, STEPS) + 8 + step
     y = np.tile(outline_y, STEPS) + 8
     polarity = np.tile(outline_x, STEPS) < SQUARE_SIDE // 2
     t = step * STEP_NS + np.arange(len(step)) % len(outline_x)

@@ -1,10 +1,12 @@
-"""`train`: the weights of the compact recovery network, or of the small SiamFC, from simulated sequences alone."""
+"""`train`: the weights of the networks that ship, from simulated sequences alone: of the compact one that finds lost
+targets, of the one that puts boxes right, of the small SiamFC."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -17,25 +19,26 @@ from etd_ros.recovery.training.config import TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
 
 DEVICES = ("cpu", "cuda")
-NETWORKS = ("compact", "siamfc")
+NETWORKS = ("compact", "box", "siamfc")
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
-        "train", help="train the network that finds lost targets, or SiamFC", description=__doc__
+        "train", help="train the networks that find lost targets and put boxes right, or SiamFC", description=__doc__
     )
     parser.add_argument(
         "--output", type=Path, required=True, help="folder of weights, checkpoint and log (compact.safetensors, ...)"
     )
     parser.add_argument(
         "--network", choices=NETWORKS, default=NETWORKS[0],
-        help="compact: finds lost targets on reconstructed images; siamfc: follows targets on video frames "
+        help="compact: finds lost targets on reconstructed images; box: puts boxes of what is followed right; siamfc: "
+        "follows targets on video frames "
         "(default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--cache", type=Path, required=True, help="folder of the simulated sequences; kept for later")
     start = parser.add_mutually_exclusive_group()
-    start.add_argument("--weights", type=Path, help="train these further, instead of random ones (safetensors)")
+    start.add_argument("--weights", type=Path, help="train these further, instead of random ones")
     start.add_argument("--resume", action="store_true", help="go on from the checkpoint in the output folder")
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="where to train (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="of the training on a CPU (default: %(default)s)")
@@ -59,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
     """Train, or go on training.
 
     Raises:
-        RecoveryError: torch or safetensors are missing, or `--weights` cannot be read.
+        RecoveryError: torch or safetensors are missing.
+        RecoveryError, TrackingError: `--weights` cannot be read.
         TrainingError: there is no such device, settings do not fit together, files cannot be read or written, or the
             training fails.
         ParameterError: a setting is out of its range.
@@ -69,6 +73,8 @@ def run(options: argparse.Namespace) -> int:
         msg = f"train needs {' and '.join(missing)}: pip install {' '.join(missing)}"
         raise RecoveryError(msg)
     # torch takes seconds to import, which no other command should wait for.
+    from etd_ros.recovery.training.box_lesson import BoxLesson
+    from etd_ros.recovery.training.box_samples import SampleCache
     from etd_ros.recovery.training.compact_lesson import CompactLesson
     from etd_ros.recovery.training.loop import Progress, Training, prepare
     from etd_ros.recovery.training.sequences import RECONSTRUCTED, SequenceCache
@@ -80,18 +86,16 @@ def run(options: argparse.Namespace) -> int:
         msg = "--settled 1 keeps the normalisations' statistics, which random weights have not: give --weights, or less"
         raise TrainingError(msg)
     prepare(options.device, options.threads, options.minutes, options.processes)
-    make_lesson, pictures = {"compact": (CompactLesson, RECONSTRUCTED), "siamfc": (SiamFcLesson, VIDEO)}[
-        options.network
-    ]
-    training = Training(
-        config,
-        SequenceCache(options.cache, pictures),
-        options.output,
-        make_lesson=make_lesson,
-        device=options.device,
-        minutes=options.minutes,
-        processes=options.processes,
-    )
+    place = {"device": options.device, "minutes": options.minutes, "processes": options.processes}
+    training: Training[Any, Any]
+    if options.network == "box":
+        training = Training(config, SampleCache(options.cache), options.output, make_lesson=BoxLesson, **place)
+    elif options.network == "siamfc":
+        cache = SequenceCache(options.cache, VIDEO)
+        training = Training(config, cache, options.output, make_lesson=SiamFcLesson, **place)
+    else:
+        cache = SequenceCache(options.cache, RECONSTRUCTED)
+        training = Training(config, cache, options.output, make_lesson=CompactLesson, **place)
     if options.weights is not None:
         training.start_from(options.weights)
     if options.resume:

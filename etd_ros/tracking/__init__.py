@@ -1,5 +1,8 @@
 """One target's state machine, many targets, and the methods by name (paper Sec. 3.3, tracking stage)."""
 
+from etd_ros.tracking.box_network import BoxMisfit
+from etd_ros.tracking.box_refinement import Corrector
+from etd_ros.tracking.box_view import BoxView
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.discovery import Discovery, DiscoveryConfig
@@ -12,8 +15,11 @@ from etd_ros.tracking.target import Search, Target, TargetReport, TargetState, T
 __all__ = [
     "DEFAULT_METHOD",
     "METHODS",
+    "BoxMisfit",
+    "BoxView",
     "Click",
     "ContourConfig",
+    "Corrector",
     "Discovery",
     "DiscoveryConfig",
     "Method",

@@ -30,6 +30,12 @@ class ContourConfig(Parameters):
     angle_gain: float = parameter(
         0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
     )
+    refine_gain: float = parameter(
+        0.25,
+        "share of what the box network sees a box off by that is put right at once; 0: it is not asked",
+        low=0.0,
+        high=1.0,
+    )
     frame_motion: float = parameter(
         0.05,
         "frames last until a target has moved by this share of its size, or as atsltd says: a box is true at their end",

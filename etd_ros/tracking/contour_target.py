@@ -14,6 +14,7 @@ import math
 from dataclasses import replace
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
 from etd_ros.tracking.contours import Contours, Impression, Look
@@ -71,7 +72,8 @@ SETTLING_LOOKS = 4
 
 
 class ContourTarget:
-    """One tracked target; the arguments are those of `Target`, with the surface that all targets share."""
+    """One tracked target; the arguments are those of `Target`, with the surface that all targets share, and what says
+    how far its box is off."""
 
     def __init__(
         self,
@@ -84,6 +86,7 @@ class ContourTarget:
         recovery_factory: RecoveryFactory | None,
         search_wait_s: float = math.inf,
         turns: Turns | None = None,
+        corrector: Corrector | None = None,
     ) -> None:
         self.name = name
         self.start_box = box
@@ -94,9 +97,11 @@ class ContourTarget:
         self._recovery_factory = recovery_factory
         self._search_wait_s = search_wait_s
         self._turns = turns
+        self._corrector = corrector
         self._state: TargetState
         self._contours: Contours
         self._start_up: StartUp | None
+        self._refinement: BoxRefinement | None
         self._images: ImageSearch
         self._usual: UsualLooks
         self._steady: SteadyMotion
@@ -142,6 +147,9 @@ class ContourTarget:
             self._state = TargetState.TRACKING
             self._contours.stamp_ns = self.start_stamp_ns or stamp_ns
             self._start_up = StartUp(self._contours)
+            if self._corrector is not None:
+                gain = self._contour_config.refine_gain
+                self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
             self._updated_ns = stamp_ns
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
@@ -158,6 +166,8 @@ class ContourTarget:
 
     def _look(self, stamp_ns: int, image: FrameData | None) -> None:
         """Take what the newest frame shows of the target."""
+        if self._refinement and self._state is TargetState.TRACKING:
+            self._refinement.keep(self._contours, self._surface)
         new_events = self._contours.keep(self._surface)
         if self._state is not TargetState.TRACKING:
             self._look_for_it(stamp_ns, image)
@@ -177,6 +187,8 @@ class ContourTarget:
         self._contours.uncover()
         self._held = replace(self._held, moving=None) if self._held else None
         self._images.time_went_back(stamp_ns)
+        if self._refinement:
+            self._refinement.time_went_back(stamp_ns)
         self._sure = None
         self._failing_s = self._quiet_s = 0.0
         self._steady.forget()
@@ -188,6 +200,7 @@ class ContourTarget:
         self._state = TargetState.IDLE
         self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
         self._start_up = StartUp(self._contours)
+        self._refinement = None
         recovery = self._recovery_factory() if self._recovery_factory else None
         self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
         self._usual = UsualLooks()
@@ -269,6 +282,8 @@ class ContourTarget:
             contours.adapt(self._surface, elapsed_s, trust, sees_covers=sees_covers)
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
+        elif self._refinement and self._failing_s == 0 and not self._settling and self._confidence > CONFIDENCE_USUAL:
+            self._refinement.take(contours, self._surface)
 
     def _watch_for_drift(self, stamp_ns: int, image: FrameData | None) -> None:
         """A box that was drawn along by something learns what it is on, and its looks are sure again. So the target is

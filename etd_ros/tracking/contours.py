@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import normalise, splat
 from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64Array, arm_cells, score_at, search
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
+from etd_ros.tracking.model_box import ModelBox
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
@@ -25,9 +27,6 @@ MARGIN = 1.2
 BORDER_CELLS = 2
 KEPT_MARGIN_PX = 10.0
 """How far round the model the surface is kept up to date, for the looks to come."""
-ROUNDNESS = 1.7
-"""p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
-something between."""
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
 """How much of a misfit is a misfit of the rate."""
 SCALE_LIMITS = (0.2, 5.0)
@@ -98,7 +97,6 @@ class Contours:
         pose: float64, x, y of the centre (pixels), scale, angle (rad).
         velocity: float64, x, y (pixels/s).
         stamp_ns: the time of the pose (ns).
-        size_px: width and height of the box at scale 1.
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
     """
@@ -111,7 +109,7 @@ class Contours:
         self._growing = SteadyChange(GROWTH_GAIN)
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
-        self.size_px = box.w, box.h
+        self._model_box = ModelBox(box.w, box.h)
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
         width, height = (side / self.cell_px for side in self.size_px)
         self._memories = Memories(rows, columns, width, height)
@@ -127,14 +125,12 @@ class Contours:
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
-        scale, angle = self.pose[SCALE:].tolist()
-        across, down = self.size_px[0] * scale, self.size_px[1] * scale
-        if angle == 0:
-            return Box(x - across / 2, y - down / 2, across, down)
-        cos, sin = abs(math.cos(angle)), abs(math.sin(angle))
-        w = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
-        h = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
-        return Box(x - w / 2, y - h / 2, w, h)
+        return self._model_box.at(x, y, self.pose)
+
+    @property
+    def size_px(self) -> tuple[float, float]:
+        """Width and height of the box at scale 1."""
+        return self._model_box.size_px
 
     @property
     def box(self) -> Box:
@@ -352,6 +348,7 @@ class Contours:
         self._memories.recall(impression.remembered)
         self.direction = impression.direction
         self.pose[:] = *box.center, 1.0, impression.angle_rad
+        self._model_box.reset()
         upright = self.box
         least, most = SCALE_LIMITS
         self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
@@ -364,6 +361,40 @@ class Contours:
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
         self._memories.uncover()
+
+    @property
+    def covered(self) -> float:
+        """How surely something covers a part of it, 0 to 1."""
+        return self._memories.cells.covered
+
+    @property
+    def growing_per_s(self) -> float:
+        """How fast it grows (the logarithm of its scale, 1/s)."""
+        return self._growing.per_s
+
+    def correct(self, misfit: Float64Array) -> None:
+        """Put the box on the model right: it is off by parts of its width and height along x and y, and the right one
+        is so much wider and higher (logarithms), unless its size is kept."""
+        box, (right, below, *larger) = self.box, misfit.tolist()
+        wider, higher = larger if self.config.scale_gain > 0 else (0.0, 0.0)
+        self._model_box.correct(right * box.w, below * box.h, wider, higher, self.pose)
+
+    def draw_usual(self, drawn: Float32Array, span: float) -> None:
+        """Draw what the target usually looks like where it lies now, `span` times as wide and high as its box; shape
+        (3, cells, cells), as `draw_model` has it."""
+        box, (x, y) = self.box, self.pose[:2].tolist()
+        middle = box.center[0] - x, box.center[1] - y
+        draw_model(self._memories.usual, self.pose, self.cell_px, *middle, span * box.w, span * box.h, drawn)
+
+    def draw_first(self, maps: Float32Array, drawn: Float32Array, span: float) -> None:
+        """Draw what the target looked like at some time (its usual memory's maps of then) in its box as it was at the
+        start, turned and grown as it is now."""
+        width, height = self._model_box.size_at_first(self.pose)
+        draw_model(maps, self.pose, self.cell_px, 0.0, 0.0, span * width, span * height, drawn)
+
+    def usual_maps(self) -> Float32Array:
+        """What the target usually looks like now: the memory's maps, which no look renews any more."""
+        return np.array(self._memories.usual)
 
     def _learn(self, direction: Float64Array, rate: float, trust: float, *, sees_covers: bool) -> None:
         """Move the memories towards what is drawn and normalised, with a direction by the cell."""
@@ -381,7 +412,7 @@ class Contours:
         too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            too_small *= 1 - self._memories.cells.covered
+            too_small *= 1 - self.covered
             self._growing.learn(too_small, elapsed_s)
             self._grow(config.scale_gain * too_small)
         if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):

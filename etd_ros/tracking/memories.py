@@ -35,17 +35,18 @@ class Memories:
         height: the same.
 
     Attributes:
+        usual: what the target usually looks like, float32, shape (MAPS, rows, columns).
         weight: how much the cells count, float32, shape (rows, columns).
         cells: what looks are compared with, and how far its cells can be trusted.
     """
 
     def __init__(self, rows: int, columns: int, width: float, height: float) -> None:
         self._maps: Float32Array = np.zeros((3, MAPS, rows, columns), np.float32)
-        self._usual, self._recent, self._latest = self._maps
+        self.usual, self._recent, self._latest = self._maps
         self._maps[:, WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
         outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
-        self.weight: Float32Array = self._usual[WEIGHT]
-        self.cells = CellTrust(self._usual, outside)
+        self.weight: Float32Array = self.usual[WEIGHT]
+        self.cells = CellTrust(self.usual, outside)
         self._seen = np.zeros((2, 2))
         self._kept = self.remembered()
 
@@ -73,7 +74,7 @@ class Memories:
             sees_covers: whether cells that show what covers the target count less from now on.
         """
         recent_rate = max(rate, trust * RECENT_RATE)
-        learn(self._usual, drawn, direction, rate)
+        learn(self.usual, drawn, direction, rate)
         learn(self._recent, drawn, direction, recent_rate)
         learn(self._latest, drawn, direction, min(1.0, LATEST_TIMES * recent_rate))
         self._weigh(sees_covers=sees_covers)
@@ -101,4 +102,4 @@ class Memories:
         np.copyto(self._seen, remembered.seen)
 
     def _weigh(self, *, sees_covers: bool) -> None:
-        self.cells.weigh(self._usual, self._recent, self._latest, sees_covers=sees_covers)
+        self.cells.weigh(self.usual, self._recent, self._latest, sees_covers=sees_covers)

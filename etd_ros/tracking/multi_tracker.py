@@ -13,6 +13,8 @@ import numpy as np
 
 from etd_ros.boxes import SIDE_MIN_PX, Box
 from etd_ros.detection import EdgeBoxes, Proposals
+from etd_ros.tracking.box_network import shipped_network
+from etd_ros.tracking.box_refinement import Corrector
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
@@ -42,6 +44,8 @@ class MultiTracker:
         starter: starts targets without a box: at clicks, or by themselves.
         search_wait_s: how long after the search of an image began its answer is waited for (s); one that takes longer
             counts when it is there. inf: results do not depend on how fast the machine is.
+        corrector: says how far boxes of `etd-plus` are off; by default the network that ships, unless
+            `contours.refine_gain` is 0.
 
     Attributes:
         targets_max: where there are so many targets and clicks that wait, nothing starts by itself; None: no limit.
@@ -59,6 +63,7 @@ class MultiTracker:
         searches: bool = False,
         starter: Starter | None = None,
         search_wait_s: float = math.inf,
+        corrector: Corrector | None = None,
     ) -> None:
         self._width = width
         self._height = height
@@ -66,6 +71,9 @@ class MultiTracker:
         self._detector = detector or EdgeBoxes()
         self._recovery_factory = recovery_factory
         self._contours = contours
+        self._corrector = corrector
+        if corrector is None and contours is not None and contours.refine_gain > 0:
+            self._corrector = shipped_network().misfit_of
         self._searches = searches
         self._starter = starter
         self._search_wait_s = search_wait_s
@@ -141,6 +149,7 @@ class MultiTracker:
             self._recovery_factory,
             self._search_wait_s,
             self._turns,
+            self._corrector,
         )
 
     def click(self, click: Click) -> None:

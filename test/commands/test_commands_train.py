@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
@@ -9,6 +12,9 @@ from safetensors.torch import load_file
 from etd_ros.cli import main
 from etd_ros.recovery import RecoveryConfig, make_recovery, making
 from etd_ros.recovery.picture_trackers import make_siamfc
+from etd_ros.recovery.training.box_samples import SampleCache
+from etd_ros.recovery.training.config import VALIDATION_SEEDS
+from etd_ros.tracking.box_network import load_box_network
 
 TINY = (
     *("--steps", "2", "--batch", "2", "--sequences", "1", "--first-sequences", "1"),
@@ -46,6 +52,27 @@ def test_siamfc_is_trained_on_request(place):
     assert sorted(path.name for path in (place / "cache").iterdir())[0] == "0000000.frame_boxes.npy"
 
 
+def test_the_network_that_puts_boxes_right_is_trained_on_request(place, capsys):
+    cache = SampleCache(place / "cache")
+    cache.make(0)
+    # Validation's own scene takes long to simulate.
+    shutil.copy(place / "cache" / "0000000.box.npz", place / "cache" / f"{VALIDATION_SEEDS:07}.box.npz")
+    command = ["train", "--network", "box", "--output", "out", "--cache", "cache"]
+    assert main([*command, *TINY]) == 0
+    assert "mean IoU 0." in capsys.readouterr().err
+    weights = place / "out" / "box.npz"
+    view, _ = cache.samples(0).view(0)
+    misfit = load_box_network(weights).misfit_of(view)
+    assert np.isfinite(misfit.offsets).all()
+    assert (misfit.spreads > 0).all()
+    assert sorted(path.name for path in (place / "out").iterdir()) == ["box.npz", "checkpoint.pt", "log.csv"]
+    header, *rows = (place / "out" / "log.csv").read_text().splitlines()
+    assert header == "step,seconds,learning_rate,likelihood,validation_loss,validation_before,validation_after"
+    assert [row.partition(",")[0] for row in rows] == ["1", "2"]
+    assert main([*command, *TINY, "--weights", str(weights), "--learning-rate", "1e-7"]) == 0
+    assert load_box_network(weights).misfit_of(view).offsets == pytest.approx(misfit.offsets, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -55,6 +82,7 @@ def test_siamfc_is_trained_on_request(place):
         (["--threads", "0"], "give 1 to"),
         (["--processes", "0"], "give 1 to"),
         (["--weights", "nowhere"], "no readable safetensors file"),
+        (["--network", "box", "--weights", "nowhere"], "no weights of the box network"),
         (["--settled", "1"], "give --weights, or less"),
     ],
 )

@@ -3,9 +3,9 @@
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from etd_ros.tracking import cell_trust, contour_drawing, contour_kernels
+from etd_ros.tracking import box_network, cell_trust, contour_drawing, contour_kernels
 
-MODULES = [cell_trust, contour_drawing, contour_kernels]
+MODULES = [box_network, cell_trust, contour_drawing, contour_kernels]
 
 
 def kernels_of(module):

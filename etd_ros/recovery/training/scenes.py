@@ -48,10 +48,10 @@ def training_situation(rng: np.random.Generator) -> Situation:
     """
     if rng.random() < DEPTH_SHARE:
         scene = depth_scene(rng, WIDTH, HEIGHT, DURATION_S)
-        situation = Situation(_maybe_with_twin(scene, rng), _sensor(rng), _reconstruction(rng))
+        situation = Situation(_maybe_with_twin(scene, rng), any_sensor(rng), _reconstruction(rng))
     else:
         situation = random_situation(rng)
-    return dataclasses.replace(situation, sensor=_flawed(situation.sensor, rng))
+    return dataclasses.replace(situation, sensor=flawed(situation.sensor, rng))
 
 
 def random_situation(rng: np.random.Generator) -> Situation:
@@ -88,11 +88,12 @@ def _recipe(rng: np.random.Generator) -> Recipe:
         contrast=float(rng.uniform(0.4, 1.0)),
         gradient=float(rng.choice([1.0, 1.0, 1.0, 4.0, 12.0])),
         duration_s=DURATION_S,
-        sensor=_sensor(rng),
+        sensor=any_sensor(rng),
     )
 
 
-def _sensor(rng: np.random.Generator) -> SensorConfig:
+def any_sensor(rng: np.random.Generator) -> SensorConfig:
+    """A sensor of some threshold and noise."""
     threshold = _log_uniform(rng, 0.08, 0.4)
     return SensorConfig(
         contrast_threshold=threshold,
@@ -104,7 +105,7 @@ def _sensor(rng: np.random.Generator) -> SensorConfig:
     )
 
 
-def _flawed(sensor: SensorConfig, rng: np.random.Generator) -> SensorConfig:
+def flawed(sensor: SensorConfig, rng: np.random.Generator) -> SensorConfig:
     """The sensor with thresholds that differ by polarity, hot pixels and leaking ones."""
     is_hot, is_leaking = rng.random(2) < FLAWED_SHARE
     return dataclasses.replace(

@@ -1,0 +1,112 @@
+"""Puts a target's box right while it is followed: a network that was trained on simulated targets sees by how much the
+box has come off what it was at the start, and says how surely.
+
+Contours are followed where they agree with what was learnt; what was learnt may be of a part, or of what lies behind.
+How events move, and what the target looked like in its box at first, tells that apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from etd_ros.tracking.box_network import BoxMisfit
+from etd_ros.tracking.box_view import CELLS, FIRST_CELLS, FIRST_SPAN, USUAL_SPAN, BoxView
+from etd_ros.tracking.contour_kernels import Float32Array
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.surface import TimeSurface
+
+FIRST_LOOKS = 8
+"""After so many looks the model shows what the target looked like at first."""
+MOTION_PX, TIME_S = 3.0, 0.02
+"""The box of what is fast is put right after so much motion or time. That of what is slower is followed better by its
+contours alone."""
+EVENTS_MIN = 25
+SPAN_PX, SPAN_SHARE, SPAN_S = 6.0, 0.25, (0.004, 0.06)
+"""Events of so much motion are looked at, or of this share of the box's size, if that is more; within these times."""
+VIEW_MARGIN = 2.8
+"""Width and height of what is looked at in those of the box: twice as wide and high, and where that was before."""
+MISFIT_USUAL = 0.08
+"""How far boxes are off usually, in parts of their size: what is told less surely than that counts less."""
+
+
+Corrector = Callable[[BoxView], BoxMisfit]
+"""What says how far a box is off: a network's `misfit_of`."""
+
+
+class BoxRefinement:
+    """What puts one target's box right.
+
+    Args:
+        target: its name.
+        corrector: says how far the box is off.
+        gain: the share of that which is taken on at once where it is told surely, 0 to 1.
+        start_stamp_ns: when the target started (ns).
+    """
+
+    def __init__(self, target: str, corrector: Corrector, gain: float, start_stamp_ns: int) -> None:
+        self._target, self._corrector, self._gain, self._start_ns = target, corrector, gain, start_stamp_ns
+        self._first: Float32Array | None = None
+        self._looks = 0
+        self._stamp_ns = start_stamp_ns
+
+    def keep(self, contours: Contours, surface: TimeSurface) -> None:
+        """Keep the surface up to date as far round a fast target as will be looked at: not round others, of which looks
+        would see more that is old."""
+        if not contours.is_fast:
+            return
+        around = contours.box_at(*contours.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
+        surface.keep(surface.window(around, 0.0))
+
+    def take(self, contours: Contours, surface: TimeSurface) -> None:
+        """Put the box right, where it is time; the target has just been followed, surely."""
+        self._looks += 1
+        if self._first is None:
+            if self._looks < FIRST_LOOKS:
+                return
+            self._first = contours.usual_maps()
+        elapsed_s = (surface.stamp_ns - self._stamp_ns) * 1e-9
+        speed_px_s = contours.speed_px_s
+        if not contours.is_fast or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
+            return
+        # Beyond the border nothing is seen.
+        if surface.inside_px(contours.box) < 0:
+            return
+        self._stamp_ns = surface.stamp_ns
+        view = self._view(contours, surface, self._first)
+        if len(view.points) < EVENTS_MIN:
+            return
+        misfit = self._corrector(view)
+        # Of what is covered in part the rest is seen, and would become the box.
+        sureness = (1 - contours.covered) / (1 + 2 * (misfit.spreads / MISFIT_USUAL) ** 2)
+        contours.correct(np.asarray(self._gain * sureness * misfit.offsets, np.float64))
+
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream goes on at an earlier time (ns)."""
+        self._start_ns = self._stamp_ns = stamp_ns
+
+    def _view(self, contours: Contours, surface: TimeSurface, first: Float32Array) -> BoxView:
+        box = contours.box
+        motion_px = max(SPAN_PX, SPAN_SHARE * math.sqrt(box.w * box.h))
+        shortest_s, longest_s = SPAN_S
+        span_s = min(max(motion_px / contours.speed_px_s, shortest_s), longest_s)
+        points, count = surface.points(surface.window(box.scaled(VIEW_MARGIN), 0), span_s)
+        usual = np.empty((3, CELLS, CELLS), np.float32)
+        contours.draw_usual(usual, USUAL_SPAN)
+        was = np.empty((3, FIRST_CELLS, FIRST_CELLS), np.float32)
+        contours.draw_first(first, was, FIRST_SPAN)
+        return BoxView(
+            target=self._target,
+            stamp_ns=surface.stamp_ns,
+            points=points[:count],
+            span_s=span_s,
+            box=box,
+            velocity=contours.velocity,
+            usual=usual,
+            first=was,
+            sensor=(surface.width, surface.height),
+            age_s=(surface.stamp_ns - self._start_ns) * 1e-9,
+            growing_per_s=contours.growing_per_s,
+        )

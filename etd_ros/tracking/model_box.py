@@ -1,0 +1,72 @@
+"""A target's box on its model: where it lies on it, and how it turns and grows with it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import SCALE, Float64Array
+
+ROUNDNESS = 1.7
+"""p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
+something between."""
+OFFSET_MAX, RATIO_MAX = 0.3, 1.4
+"""A box lies no farther from the model's middle than this part of its size, and is so many times as wide or high at
+most: beyond, the model is of something else."""
+
+
+class ModelBox:
+    """The box that a target had at its start, as the model moves on, and what has been put right of it since.
+
+    Args:
+        width: of the box at scale 1 (pixels).
+        height: the same.
+    """
+
+    def __init__(self, width: float, height: float) -> None:
+        self.size_px = width, height
+        self._offset = np.zeros(2)
+        self._growth = np.zeros(2)
+
+    def at(self, x: float, y: float, pose: Float64Array) -> Box:
+        """The box, if the model's middle is there (pixels) and its scale and angle are those of a pose."""
+        scale, angle = pose[SCALE:].tolist()
+        wider, higher = np.exp(self._growth).tolist()
+        across, down = self.size_px[0] * scale, self.size_px[1] * scale
+        cos, sin = math.cos(angle), math.sin(angle)
+        right, below = (self._offset * (across, down)).tolist()
+        x, y = x + cos * right - sin * below, y + sin * right + cos * below
+        width, height = _outline(across * wider, down * higher, angle)
+        return Box(x - width / 2, y - height / 2, width, height)
+
+    def size_at_first(self, pose: Float64Array) -> tuple[float, float]:
+        """Width and height (pixels) without what was put right."""
+        scale, angle = pose[SCALE:].tolist()
+        return _outline(self.size_px[0] * scale, self.size_px[1] * scale, angle)
+
+    def correct(self, right: float, below: float, wider: float, higher: float, pose: Float64Array) -> None:
+        """Move the box on the model by so many pixels of the sensor, and make it so much wider and higher there
+        (logarithms)."""
+        scale, angle = pose[SCALE:].tolist()
+        cos, sin = math.cos(angle), math.sin(angle)
+        across, down = (cos * right + sin * below) / scale, (cos * below - sin * right) / scale
+        self._offset += np.divide((across, down), self.size_px)
+        self._growth += cos**2 * wider + sin**2 * higher, cos**2 * higher + sin**2 * wider
+        np.clip(self._offset, -OFFSET_MAX, OFFSET_MAX, out=self._offset)
+        np.clip(self._growth, -math.log(RATIO_MAX), math.log(RATIO_MAX), out=self._growth)
+
+    def reset(self) -> None:
+        """Lie on the model as at the start."""
+        self._offset[:] = self._growth[:] = 0
+
+
+def _outline(across: float, down: float, angle_rad: float) -> tuple[float, float]:
+    """How wide and high something is when turned."""
+    if angle_rad == 0:
+        return across, down
+    cos, sin = abs(math.cos(angle_rad)), abs(math.sin(angle_rad))
+    width = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
+    height = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
+    return width, height
