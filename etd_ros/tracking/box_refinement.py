@@ -23,6 +23,8 @@ FIRST_LOOKS = 8
 MOTION_PX, TIME_S = 3.0, 0.02
 """The box of what is fast is put right after so much motion or time. That of what is slower is followed better by its
 contours alone."""
+SPEED_MIN_PX_S = 5.0
+"""Of what is slower, events do not tell."""
 EVENTS_MIN = 25
 SPAN_PX, SPAN_SHARE, SPAN_S = 6.0, 0.25, (0.004, 0.06)
 """Events of so much motion are looked at, or of this share of the box's size, if that is more; within these times."""
@@ -55,7 +57,7 @@ class BoxRefinement:
     def keep(self, contours: Contours, surface: TimeSurface) -> None:
         """Keep the surface up to date as far round a fast target as will be looked at: not round others, of which looks
         would see more that is old."""
-        if not contours.is_fast:
+        if not self._is_asked_about(contours):
             return
         around = contours.box_at(*contours.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
         surface.keep(surface.window(around, 0.0))
@@ -69,7 +71,7 @@ class BoxRefinement:
             self._first = contours.usual_maps()
         elapsed_s = (surface.stamp_ns - self._stamp_ns) * 1e-9
         speed_px_s = contours.speed_px_s
-        if not contours.is_fast or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
+        if not self._is_asked_about(contours) or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
             return
         # Beyond the border nothing is seen.
         if surface.inside_px(contours.box) < 0:
@@ -86,6 +88,9 @@ class BoxRefinement:
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream goes on at an earlier time (ns)."""
         self._start_ns = self._stamp_ns = stamp_ns
+
+    def _is_asked_about(self, contours: Contours) -> bool:
+        return contours.speed_px_s > SPEED_MIN_PX_S and contours.sizes_per_s > contours.config.refine_sizes_per_s
 
     def _view(self, contours: Contours, surface: TimeSurface, first: Float32Array) -> BoxView:
         box = contours.box

@@ -36,6 +36,9 @@ class ContourConfig(Parameters):
         low=0.0,
         high=1.0,
     )
+    refine_sizes_per_s: float = parameter(
+        8.0, "a box that moves by fewer of its sizes a second than this is left to its contours", low=0.0, high=1e6
+    )
     frame_motion: float = parameter(
         0.05,
         "frames last until a target has moved by this share of its size, or as atsltd says: a box is true at their end",
