@@ -4,7 +4,7 @@ scene."""
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -240,9 +240,7 @@ def _starts(scene: Scene, rng: np.random.Generator) -> list[TargetStart]:
 
 def _copied(view: BoxView) -> BoxView:
     """A view whose arrays nobody else changes."""
-    arrays = {name: getattr(view, name).copy() for name in ("points", "velocity", "usual", "first")}
-    others = {field.name: getattr(view, field.name) for field in fields(BoxView) if field.name not in arrays}
-    return BoxView(**arrays, **others)
+    return replace(view, **{name: getattr(view, name).copy() for name in ("points", "velocity", "usual", "first")})
 
 
 def _kept_points(view: BoxView) -> npt.NDArray[np.int16]:
