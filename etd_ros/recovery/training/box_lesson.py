@@ -17,6 +17,7 @@ from torch.nn import functional
 from etd_ros.boxes import Box
 from etd_ros.recovery.training.box_samples import SampleCache, misfit_of
 from etd_ros.recovery.training.errors import TrainingError
+from etd_ros.recovery.training.loss import intersection_over_union
 from etd_ros.tracking.box_network import (
     HIDDEN,
     LAYERS,
@@ -272,10 +273,5 @@ def _likelihood(offsets: Tensor, log_spreads: Tensor, misfits: Tensor) -> Tensor
 
 def _overlaps(offsets: Tensor, misfits: Tensor) -> Tensor:
     """IoU of boxes put right by `offsets` with the right ones, both in parts of the boxes as they are; shape (n,)."""
-    corners = []
-    for boxes in (offsets, misfits):
-        sizes = torch.exp(boxes[:, 2:])
-        corners.append((boxes[:, :2] - sizes / 2, boxes[:, :2] + sizes / 2, sizes.prod(1)))
-    (low, high, area), (true_low, true_high, true_area) = corners
-    common = (torch.minimum(high, true_high) - torch.maximum(low, true_low)).clamp(min=0).prod(1)
-    return common / (area + true_area - common)
+    put_right, right = (torch.cat([part[:, :2], torch.exp(part[:, 2:])], 1) for part in (offsets, misfits))
+    return intersection_over_union(put_right, right)

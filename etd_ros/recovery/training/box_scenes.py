@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from etd_ros.recovery.training.depth_scenes import depth_scene
-from etd_ros.recovery.training.scenes import any_sensor, flawed, random_situation
+from etd_ros.recovery.training.scenes import any_sensor, flawed, log_uniform, random_situation
 from etd_ros.simulation import Scene, SensorConfig, extreme_scene, shelf_scene, thrown_scene
 from etd_ros.simulation.extreme_scenes import KINDS as EXTREME_KINDS
 
@@ -39,6 +39,5 @@ def box_scene(rng: np.random.Generator) -> tuple[Scene, SensorConfig]:
     if rng.random() < 0.5:
         sensor = flawed(sensor, rng)
     if rng.random() < LATE_SHARE:
-        bandwidth_hz = float(np.exp(rng.uniform(*np.log(BANDWIDTH_HZ))))
-        sensor = dataclasses.replace(sensor, bandwidth_hz=bandwidth_hz)
+        sensor = dataclasses.replace(sensor, bandwidth_hz=log_uniform(rng, *BANDWIDTH_HZ))
     return scene, sensor

@@ -67,7 +67,7 @@ def random_situation(rng: np.random.Generator) -> Situation:
 
 def _recipe(rng: np.random.Generator) -> Recipe:
     targets = int(rng.choice([1, 2, 2, 3, 3, 4]))
-    side = _log_uniform(rng, SIDE_PX[0], SIDE_PX[1] / targets**0.5)
+    side = log_uniform(rng, SIDE_PX[0], SIDE_PX[1] / targets**0.5)
     speed = float(np.clip(SPEED_PX_S_MEDIAN * np.exp(rng.normal(0, 1)), 10, 2000))
     camera = str(rng.choice(CAMERAS))
     motion = str(rng.choice(["wander", "wander", "cross"] if camera == "still" else ["wander", "rest", "cross"]))
@@ -81,7 +81,7 @@ def _recipe(rng: np.random.Generator) -> Recipe:
         scale=(float(rng.uniform(0.6, 0.95)), float(rng.uniform(1.05, 1.6))) if rng.random() < 0.5 else (1.0, 1.0),
         spin_deg_s=float(rng.choice([0.0, 0.0, 30.0, 90.0])),
         camera=camera,
-        camera_px_s=_log_uniform(rng, 20, 300),
+        camera_px_s=log_uniform(rng, 20, 300),
         occlusion_s=float(rng.uniform(0.1, 0.4)) if rng.random() < 0.3 else 0.0,
         flicker_hz=100.0 if rng.random() < 0.1 else 0.0,
         flicker_depth=float(rng.uniform(0.05, 0.15)),
@@ -94,12 +94,12 @@ def _recipe(rng: np.random.Generator) -> Recipe:
 
 def any_sensor(rng: np.random.Generator) -> SensorConfig:
     """A sensor of some threshold and noise."""
-    threshold = _log_uniform(rng, 0.08, 0.4)
+    threshold = log_uniform(rng, 0.08, 0.4)
     return SensorConfig(
         contrast_threshold=threshold,
         threshold_spread=threshold * float(rng.uniform(0.02, 0.25)),
         refractory_s=float(rng.choice([0.0, 0.0005, 0.001])),
-        noise_rate_hz=_log_uniform(rng, 300, 50_000),
+        noise_rate_hz=log_uniform(rng, 300, 50_000),
         step_s=STEP_S,
         step_px=STEP_PX,
     )
@@ -112,14 +112,14 @@ def flawed(sensor: SensorConfig, rng: np.random.Generator) -> SensorConfig:
         sensor,
         threshold_bias=float(np.clip(rng.normal(0, THRESHOLD_BIAS), -0.6, 0.6)),
         hot_pixels=int(rng.integers(1, 30)) if is_hot else 0,
-        hot_pixel_rate_hz=_log_uniform(rng, 20, 1000),
-        leak_rate_hz=_log_uniform(rng, 500, 10_000) if is_leaking else 0.0,
+        hot_pixel_rate_hz=log_uniform(rng, 20, 1000),
+        leak_rate_hz=log_uniform(rng, 500, 10_000) if is_leaking else 0.0,
     )
 
 
 def _reconstruction(rng: np.random.Generator) -> HighPassConfig:
     """The default most of the time, as the images that recovery will see are made with it."""
-    return HighPassConfig(cutoff_hz=HighPassConfig().cutoff_hz if rng.random() < 0.6 else _log_uniform(rng, 1.0, 10.0))
+    return HighPassConfig(cutoff_hz=HighPassConfig().cutoff_hz if rng.random() < 0.6 else log_uniform(rng, 1.0, 10.0))
 
 
 def _maybe_with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
@@ -134,5 +134,6 @@ def _maybe_with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
     return dataclasses.replace(scene, sprites=tuple(sprites))
 
 
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number whose logarithm is as likely anywhere between those of two."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
