@@ -21,8 +21,10 @@ from etd_ros.tracking.surface import TimeSurface
 FIRST_LOOKS = 8
 """After so many looks the model shows what the target looked like at first."""
 MOTION_PX, TIME_S = 3.0, 0.02
-"""The box of what is fast is put right after so much motion or time. That of what is slower is followed better by its
-contours alone."""
+"""A box is put right after so much motion or time."""
+SLOW_MARGIN_PX = 10.0
+"""That of a slow target lies so far from the sensor's border, or is left alone: there a part of what is looked at is
+beyond it, and a box that is put right there tells late that its target leaves."""
 SPEED_MIN_PX_S = 5.0
 """Of what is slower, events do not tell."""
 EVENTS_MIN = 25
@@ -57,7 +59,7 @@ class BoxRefinement:
     def keep(self, contours: Contours, surface: TimeSurface) -> None:
         """Keep the surface up to date as far round a fast target as will be looked at: not round others, of which looks
         would see more that is old."""
-        if not self._is_asked_about(contours):
+        if not _is_fast(contours):
             return
         around = contours.box_at(*contours.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
         surface.keep(surface.window(around, 0.0))
@@ -71,10 +73,11 @@ class BoxRefinement:
             self._first = contours.usual_maps()
         elapsed_s = (surface.stamp_ns - self._stamp_ns) * 1e-9
         speed_px_s = contours.speed_px_s
-        if not self._is_asked_about(contours) or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
+        if speed_px_s <= SPEED_MIN_PX_S or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
             return
+        is_fast = _is_fast(contours)
         # Beyond the border nothing is seen.
-        if surface.inside_px(contours.box) < 0:
+        if surface.inside_px(contours.box) < (0.0 if is_fast else SLOW_MARGIN_PX):
             return
         self._stamp_ns = surface.stamp_ns
         view = self._view(contours, surface, self._first)
@@ -83,14 +86,12 @@ class BoxRefinement:
         misfit = self._corrector(view)
         # Of what is covered in part the rest is seen, and would become the box.
         sureness = (1 - contours.covered) / (1 + 2 * (misfit.spreads / MISFIT_USUAL) ** 2)
-        contours.correct(np.asarray(self._gain * sureness * misfit.offsets, np.float64))
+        offsets = misfit.offsets if is_fast else _beyond_doubt(misfit)
+        contours.correct(np.asarray(self._gain * sureness * offsets, np.float64))
 
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream goes on at an earlier time (ns)."""
         self._start_ns = self._stamp_ns = stamp_ns
-
-    def _is_asked_about(self, contours: Contours) -> bool:
-        return contours.speed_px_s > SPEED_MIN_PX_S and contours.sizes_per_s > contours.config.refine_sizes_per_s
 
     def _view(self, contours: Contours, surface: TimeSurface, first: Float32Array) -> BoxView:
         box = contours.box
@@ -115,3 +116,14 @@ class BoxRefinement:
             age_s=(surface.stamp_ns - self._start_ns) * 1e-9,
             growing_per_s=contours.growing_per_s,
         )
+
+
+def _is_fast(contours: Contours) -> bool:
+    """Whether all that is told of its box is taken on."""
+    return contours.speed_px_s > SPEED_MIN_PX_S and contours.sizes_per_s > contours.config.refine_sizes_per_s
+
+
+def _beyond_doubt(misfit: BoxMisfit) -> Float32Array:
+    """What a box is off by beyond what the network may be wrong by itself: contours keep slow boxes to less than that,
+    and it is wrong by the same from look to look."""
+    return np.sign(misfit.offsets) * np.maximum(np.abs(misfit.offsets) - misfit.spreads, np.float32(0))

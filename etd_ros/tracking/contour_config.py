@@ -37,7 +37,10 @@ class ContourConfig(Parameters):
         high=1.0,
     )
     refine_sizes_per_s: float = parameter(
-        8.0, "a box that moves by fewer of its sizes a second than this is left to its contours", low=0.0, high=1e6
+        8.0,
+        "of a box that moves by fewer of its sizes a second than this, only what is surely wrong is put right",
+        low=0.0,
+        high=1e6,
     )
     frame_motion: float = parameter(
         0.05,

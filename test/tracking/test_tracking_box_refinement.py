@@ -11,7 +11,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import BoxMisfit, ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking.box_refinement import MOTION_PX, TIME_S
+from etd_ros.tracking.box_refinement import MOTION_PX, SLOW_MARGIN_PX, TIME_S
 from etd_ros.tracking.contours import Contours
 
 DURATION_S = 0.4
@@ -171,10 +171,25 @@ def test_it_goes_on_being_asked_when_time_goes_back(scene, frames):
     assert all(view.age_s >= 0 for view in views)
 
 
-@pytest.mark.parametrize("end_x", [60.5, 180])
-def test_nobody_is_asked_about_what_rests_or_is_slow(end_x):
-    slow = scene_of(Waypoint(0, 60, 80), Waypoint(1, end_x, 80))
-    assert not asked(slow, frames_of(slow))
+def test_nobody_is_asked_about_what_rests():
+    resting = scene_of(Waypoint(0, 60, 80), Waypoint(1, 60.5, 80))
+    assert not asked(resting, frames_of(resting))
+
+
+@pytest.mark.parametrize(("spread", "is_moved"), [(0.05, True), (0.1, False), (0.2, False)])
+def test_of_a_slow_box_only_what_is_off_beyond_doubt_is_put_right(spread, is_moved):
+    slow = scene_of(Waypoint(0, 60, 80), Waypoint(1, 180, 80))
+    frames = frames_of(slow)
+    told = followed(slow, frames, lambda view: misfit(0.1, -0.1, 0.1, -0.1, spread=spread))
+    not_told = followed(slow, frames, lambda view: RIGHT)
+    assert ([report.box for report, _ in told] != [report.box for report, _ in not_told]) == is_moved
+
+
+def test_a_slow_box_is_left_alone_beside_the_border():
+    slow = scene_of(Waypoint(0, 60, 80), Waypoint(1, 220, 80))
+    views = asked(slow, frames_of(slow))
+    assert len(views) > 10
+    assert max(view.box.x + view.box.w for view in views) <= WIDTH - SLOW_MARGIN_PX
 
 
 def test_the_network_that_ships_keeps_a_box_that_is_right(scene, frames):
