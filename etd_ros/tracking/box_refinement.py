@@ -23,8 +23,8 @@ FIRST_LOOKS = 8
 MOTION_PX, TIME_S = 3.0, 0.02
 """A box is put right after so much motion or time."""
 SLOW_MARGIN_PX = 10.0
-"""That of a slow target lies so far from the sensor's border, or is left alone: there a part of what is looked at is
-beyond it, and a box that is put right there tells late that its target leaves."""
+"""A slow target's box that is closer to the sensor's border is left alone: one that was put right there told late that
+its target left."""
 SPEED_MIN_PX_S = 5.0
 """Of what is slower, events do not tell."""
 EVENTS_MIN = 25
@@ -57,9 +57,9 @@ class BoxRefinement:
         self._stamp_ns = start_stamp_ns
 
     def keep(self, contours: Contours, surface: TimeSurface) -> None:
-        """Keep the surface up to date as far round a fast target as will be looked at: not round others, of which looks
-        would see more that is old."""
-        if not _is_fast(contours):
+        """Keep the surface up to date as far round a fast target as the network will look. Of others it sees what their
+        own looks have kept: more would bring old events into those."""
+        if not _takes_all_on(contours):
             return
         around = contours.box_at(*contours.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
         surface.keep(surface.window(around, 0.0))
@@ -75,9 +75,9 @@ class BoxRefinement:
         speed_px_s = contours.speed_px_s
         if speed_px_s <= SPEED_MIN_PX_S or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
             return
-        is_fast = _is_fast(contours)
+        takes_all_on = _takes_all_on(contours)
         # Beyond the border nothing is seen.
-        if surface.inside_px(contours.box) < (0.0 if is_fast else SLOW_MARGIN_PX):
+        if surface.inside_px(contours.box) < (0.0 if takes_all_on else SLOW_MARGIN_PX):
             return
         self._stamp_ns = surface.stamp_ns
         view = self._view(contours, surface, self._first)
@@ -86,7 +86,7 @@ class BoxRefinement:
         misfit = self._corrector(view)
         # Of what is covered in part the rest is seen, and would become the box.
         sureness = (1 - contours.covered) / (1 + 2 * (misfit.spreads / MISFIT_USUAL) ** 2)
-        offsets = misfit.offsets if is_fast else _beyond_doubt(misfit)
+        offsets = misfit.offsets if takes_all_on else _beyond_spreads(misfit)
         contours.correct(np.asarray(self._gain * sureness * offsets, np.float64))
 
     def time_went_back(self, stamp_ns: int) -> None:
@@ -118,12 +118,12 @@ class BoxRefinement:
         )
 
 
-def _is_fast(contours: Contours) -> bool:
-    """Whether all that is told of its box is taken on."""
+def _takes_all_on(contours: Contours) -> bool:
+    """Whether a target is so fast that all that the network says of its box is taken on."""
     return contours.speed_px_s > SPEED_MIN_PX_S and contours.sizes_per_s > contours.config.refine_sizes_per_s
 
 
-def _beyond_doubt(misfit: BoxMisfit) -> Float32Array:
-    """What a box is off by beyond what the network may be wrong by itself: contours keep slow boxes to less than that,
-    and it is wrong by the same from look to look."""
+def _beyond_spreads(misfit: BoxMisfit) -> Float32Array:
+    """What a box is off by beyond what the network is usually wrong by itself: contours keep slow boxes to less than
+    that, and it is wrong by the same from look to look."""
     return np.sign(misfit.offsets) * np.maximum(np.abs(misfit.offsets) - misfit.spreads, np.float32(0))

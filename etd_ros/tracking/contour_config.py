@@ -38,7 +38,7 @@ class ContourConfig(Parameters):
     )
     refine_sizes_per_s: float = parameter(
         8.0,
-        "of a box that moves by fewer of its sizes a second than this, only what is surely wrong is put right",
+        "of boxes that move by fewer of their sizes a second, only what exceeds the network's error is put right",
         low=0.0,
         high=1e6,
     )

@@ -11,7 +11,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import BoxMisfit, ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking.box_refinement import MOTION_PX, SLOW_MARGIN_PX, TIME_S
+from etd_ros.tracking.box_refinement import MOTION_PX, SLOW_MARGIN_PX, TIME_S, BoxRefinement
 from etd_ros.tracking.contours import Contours
 
 DURATION_S = 0.4
@@ -30,9 +30,19 @@ def frames(scene):
     return frames_of(scene)
 
 
-def followed(scene, frames, corrector, *, gain=1.0, start=None):
+@pytest.fixture(scope="module")
+def slow():
+    return scene_of(Waypoint(0, 60, 80), Waypoint(0.6, 132, 80), duration_s=0.6)
+
+
+@pytest.fixture(scope="module")
+def slow_frames(slow):
+    return frames_of(slow)
+
+
+def followed(scene, frames, corrector, *, gain=1.0, start=None, **settings):
     """Reports and truths of all frames, boxes being put right by a corrector."""
-    config = ContourConfig(refine_gain=gain)
+    config = ContourConfig(refine_gain=gain, **settings)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=config, corrector=corrector)
     tracker.start("thing", start or scene.box("thing", 0), START_NS)
     found = []
@@ -137,11 +147,11 @@ def test_what_is_less_sure_counts_less(spread, taken, scene, frames):
     assert moved / views[0].box.w == pytest.approx(0.5 * taken * 0.1, abs=0.003)
 
 
-def test_nobody_is_asked_about_what_lies_over_the_border():
+def test_nobody_is_asked_about_what_lies_over_the_border_and_about_a_fast_target_until_then():
     scene = scene_of(Waypoint(0, 60, 80), Waypoint(0.5, 270, 80), duration_s=0.5)
     views = asked(scene, frames_of(scene))
     assert len(views) > 20
-    assert max(view.box.x + view.box.w for view in views) <= WIDTH
+    assert WIDTH - SLOW_MARGIN_PX < max(view.box.x + view.box.w for view in views) <= WIDTH
 
 
 def test_the_box_of_what_is_covered_is_left_alone(scene, frames, monkeypatch):
@@ -171,28 +181,53 @@ def test_it_goes_on_being_asked_when_time_goes_back(scene, frames):
     assert all(view.age_s >= 0 for view in views)
 
 
-def test_nobody_is_asked_about_what_rests():
-    resting = scene_of(Waypoint(0, 60, 80), Waypoint(1, 60.5, 80))
-    assert not asked(resting, frames_of(resting))
+@pytest.mark.parametrize(("speed_px_s", "is_asked"), [(4.0, False), (6.0, True)])
+def test_nobody_is_asked_about_what_hardly_moves(speed_px_s, is_asked, slow, slow_frames, monkeypatch):
+    """It is as slow as that only where it is asked: its looks are as sure as ever."""
+    monkeypatch.setattr(BoxRefinement, "take", at_speed(speed_px_s, BoxRefinement.take))
+    assert bool(asked(slow, slow_frames)) == is_asked
 
 
-@pytest.mark.parametrize(("spread", "is_moved"), [(0.05, True), (0.1, False), (0.2, False)])
-def test_of_a_slow_box_only_what_is_off_beyond_doubt_is_put_right(spread, is_moved):
-    slow = scene_of(Waypoint(0, 60, 80), Waypoint(1, 180, 80))
-    frames = frames_of(slow)
-    told = followed(slow, frames, lambda view: misfit(0.1, -0.1, 0.1, -0.1, spread=spread))
-    not_told = followed(slow, frames, lambda view: RIGHT)
-    assert ([report.box for report, _ in told] != [report.box for report, _ in not_told]) == is_moved
+def at_speed(speed_px_s, take):
+    def taken(refinement, contours, surface):
+        velocity = contours.velocity.copy()
+        contours.velocity[:] = speed_px_s, 0.0
+        take(refinement, contours, surface)
+        contours.velocity[:] = velocity
+
+    return taken
+
+
+@pytest.mark.parametrize(
+    ("offset", "refine_sizes_per_s", "taken"),
+    [(0.1, 8.0, 0.06), (-0.1, 8.0, -0.06), (0.03, 8.0, 0.0), (0.03, 0.0, 0.03)],
+)
+def test_of_a_slow_box_what_is_off_beyond_the_spread_is_put_right(
+    offset, refine_sizes_per_s, taken, slow, slow_frames
+):
+    views = []
+
+    def corrector(view):
+        views.append(view)
+        return misfit(offset, 0, 0, 0, spread=0.04) if len(views) == 1 else RIGHT
+
+    plain = asked(slow, slow_frames, refine_sizes_per_s=refine_sizes_per_s)
+    followed(slow, slow_frames, corrector, gain=0.5, refine_sizes_per_s=refine_sizes_per_s)
+    moved, wider = (views[1].box.center[0] - plain[1].box.center[0], views[1].box.w / plain[1].box.w)
+    assert moved / views[0].box.w == pytest.approx(0.5 * taken / 1.5, abs=0.002)
+    assert wider == pytest.approx(1, abs=0.002)
 
 
 def test_a_slow_box_is_left_alone_beside_the_border():
-    slow = scene_of(Waypoint(0, 60, 80), Waypoint(1, 220, 80))
-    views = asked(slow, frames_of(slow))
+    to_the_border = scene_of(Waypoint(0, 60, 80), Waypoint(1, 220, 80))
+    views = asked(to_the_border, frames_of(to_the_border))
     assert len(views) > 10
     assert max(view.box.x + view.box.w for view in views) <= WIDTH - SLOW_MARGIN_PX
 
 
-def test_the_network_that_ships_keeps_a_box_that_is_right(scene, frames):
+@pytest.mark.parametrize("speed", ["fast", "slow"])
+def test_the_network_that_ships_keeps_a_box_that_is_right(speed, scene, frames, slow, slow_frames):
+    scene, frames = (scene, frames) if speed == "fast" else (slow, slow_frames)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
     tracker.start("thing", scene.box("thing", 0), START_NS)
     overlaps = []
@@ -200,4 +235,5 @@ def test_the_network_that_ships_keeps_a_box_that_is_right(scene, frames):
         (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
         if report.state is not TargetState.IDLE:
             overlaps.append(overlap(report, scene.box("thing", (frame.stamp_ns - START_NS) * 1e-9)))
-    assert min(overlaps) > 0.85
+    # The start has its own errors.
+    assert min(overlaps[len(overlaps) // 2 :]) > 0.88

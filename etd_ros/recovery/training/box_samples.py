@@ -26,7 +26,7 @@ RANDOM_STREAM = 8
 """Beside the seed."""
 START_NS = 1_000_000_000
 OF_ALL = Settings(contours=ContourConfig(refine_sizes_per_s=0.0))
-"""Slow targets teach as well."""
+"""Slow targets teach as well, with as much round them as fast ones, and boxes that are put right as theirs."""
 FIRST_LABEL_S, LABEL_S, LABELS_MIN = 0.03, 0.002, 20
 VISIBLE_MIN = 0.9
 TARGETS_MAX, VIEWS_MAX = 3, 30
