@@ -202,9 +202,7 @@ def at_speed(speed_px_s, take):
     ("offset", "refine_sizes_per_s", "taken"),
     [(0.1, 8.0, 0.06), (-0.1, 8.0, -0.06), (0.03, 8.0, 0.0), (0.03, 0.0, 0.03)],
 )
-def test_of_a_slow_box_what_is_off_beyond_the_spread_is_put_right(
-    offset, refine_sizes_per_s, taken, slow, slow_frames
-):
+def test_of_a_slow_box_what_is_off_beyond_the_spread_is_put_right(offset, refine_sizes_per_s, taken, slow, slow_frames):
     views = []
 
     def corrector(view):
