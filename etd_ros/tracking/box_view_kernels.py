@@ -11,6 +11,7 @@ from etd_ros.tracking.contour_kernels import (
     AGE,
     ALONG_X,
     ALONG_Y,
+    ANGLE,
     DENSITY,
     GRADIENT_X,
     GRADIENT_Y,
@@ -90,8 +91,9 @@ def draw_model(maps: Float32Array, pose: Float64Array, cell_px: float, middle_x:
         drawn: gradient along the sensor's x and y, and density, shape (3, cells, cells).
     """
     _, rows, columns = maps.shape
+    gx, gy, density = maps[GRADIENT_X], maps[GRADIENT_Y], maps[DENSITY]
     size_px = cell_px * pose[SCALE]
-    cos, sin = math.cos(pose[3]), math.sin(pose[3])
+    cos, sin = math.cos(pose[ANGLE]), math.sin(pose[ANGLE])
     cells = drawn.shape[1]
     # A cell of the grid that is larger than the model's is the mean of some places.
     places = max(1, math.ceil(max(width_px, height_px) / cells / size_px))
@@ -109,7 +111,6 @@ def draw_model(maps: Float32Array, pose: Float64Array, cell_px: float, middle_x:
             right, below = x - c, y - r
             a, b = (1 - right) * (1 - below) * share, right * (1 - below) * share
             d, e = (1 - right) * below * share, right * below * share
-            gx, gy, density = maps[GRADIENT_X], maps[GRADIENT_Y], maps[DENSITY]
             along_x = a * gx[r, c] + b * gx[r, c + 1] + d * gx[r + 1, c] + e * gx[r + 1, c + 1]
             along_y = a * gy[r, c] + b * gy[r, c + 1] + d * gy[r + 1, c] + e * gy[r + 1, c + 1]
             drawn[0, row // places, column // places] += cos * along_x - sin * along_y

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.recovery.training.scenes import random_situation
+from etd_ros.recovery.training.scenes import log_uniform, random_situation
 from etd_ros.recovery.training.sequences import Pictures, Sequence, truth_of
 from etd_ros.simulation import Scene
 from etd_ros.simulation.motion import FloatArray
@@ -46,7 +46,7 @@ VIDEO = Pictures("frames", "frame_boxes", video_sequence)
 def filmed(scene: Scene, rng: np.random.Generator) -> Sequence:
     """What a camera makes of a scene; `rng` decides its rate, exposure and faults. Stamps are mid-exposure."""
     period_s = float(rng.uniform(*PERIOD_S))
-    exposure_s = period_s * _log_uniform(rng, *EXPOSURE_SHARE)
+    exposure_s = period_s * log_uniform(rng, *EXPOSURE_SHARE)
     starts_s = np.arange(0, scene.duration_s - exposure_s, period_s)
     stamps_s = starts_s + exposure_s / 2
     times_s, frames = _exposures(scene, starts_s, exposure_s)
@@ -81,14 +81,10 @@ def _developed(light: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.
     blur_px = float(rng.uniform(*LENS_BLUR_PX))
     gain = float(rng.uniform(*MEAN_LEVELS)) / float(light[0].mean())
     pattern = rng.normal(0, rng.uniform(0, PATTERN_LEVELS_MAX), light.shape[1:])
-    noise_levels = _log_uniform(rng, *NOISE_LEVELS)
+    noise_levels = log_uniform(rng, *NOISE_LEVELS)
     images = np.empty(light.shape, np.uint8)
     for frame, exposed in enumerate(light):
         levels = gain * cv2.GaussianBlur(exposed, (0, 0), blur_px)
         levels = levels + pattern + rng.normal(0, noise_levels, levels.shape)
         images[frame] = np.clip(np.rint(levels), 0, 255)
     return images
-
-
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
