@@ -255,12 +255,12 @@ def make_tracker(
     Raises:
         TrackingError: an unknown method.
         RecoveryError: the recovery tracker cannot be had (OpenCV build, model files).
-        DetectionError: an OpenCV build without its contrib modules.
+        DetectionError: an OpenCV build without its contrib modules, for a method that chooses proposals.
     """
     chosen = method_named(method)
     recovery = make_recovery(settings.recovery) if chosen.recovers else None
     contours = settings.contours if chosen.contours else None
-    detector = EdgeBoxes(settings.detection)
+    detector = EdgeBoxes(settings.detection) if contours is None else None
     starter = Starter(width, height, settings.discovery, auto=auto) if clicks or auto else None
     return MultiTracker(
         width,

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Sequence
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 from etd_ros.boxes import Box, BoxError
 from etd_ros.cadence import Cadence
 from etd_ros.conversion import ConversionError, nzge
-from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, SearchRegions, Step, track
+from etd_ros.detection import DetectionError
+from etd_ros.engine import EngineError, FrameSource, ImageSource, Part, SearchRegions, Step, make_tracker, track
 from etd_ros.evaluation import TracksWriter
 from etd_ros.events import Events, concatenate
 from etd_ros.reconstruction import HighPassFilter, ReconstructionError, SynchronisedReconstruction
@@ -275,6 +277,20 @@ def test_a_target_that_cannot_be_is_refused(targets, error):
 
 def test_no_events_give_no_steps():
     assert tracked([]) == []
+
+
+@pytest.mark.parametrize("method", [name for name, kind in METHODS.items() if not kind.contours])
+def test_methods_that_choose_proposals_name_the_opencv_that_they_need(method, monkeypatch):
+    monkeypatch.delattr(cv2, "ximgproc")
+    with pytest.raises(DetectionError, match="opencv-contrib-python-headless"):
+        make_tracker(method, 64, 48, Settings())
+
+
+def test_contours_are_followed_with_any_opencv(monkeypatch):
+    monkeypatch.delattr(cv2, "ximgproc")
+    tracker = make_tracker("etd-plus", 64, 48, Settings())
+    tracker.start("square", Box(20, 20, 8, 8))
+    assert list(tracker.targets) == ["square"]
 
 
 def test_an_unknown_method_or_conversion_is_refused():

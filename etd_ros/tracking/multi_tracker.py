@@ -36,7 +36,7 @@ class MultiTracker:
         width: sensor width (pixels).
         height: sensor height (pixels).
         config: parameters of every target.
-        detector: makes the proposals.
+        detector: makes the proposals; by default one with the default parameters, if they are chosen from.
         recovery_factory: makes one recovery tracker a target; None: a failed target stays lost, unless its contours are
             found.
         contours: follow contours with these parameters (`etd-plus`) instead of choosing proposals.
@@ -68,7 +68,7 @@ class MultiTracker:
         self._width = width
         self._height = height
         self._config = config or TrackerConfig()
-        self._detector = detector or EdgeBoxes()
+        self._detector = detector
         self._recovery_factory = recovery_factory
         self._contours = contours
         self._corrector = corrector
@@ -138,6 +138,7 @@ class MultiTracker:
 
     def _made(self, name: str, box: Box, stamp_ns: int) -> Target | ContourTarget:
         if self._contours is None:
+            self._detector = self._detector or EdgeBoxes()
             return Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
         return ContourTarget(
             name,

@@ -14,19 +14,16 @@ from etd_ros.boxes import Box
 from etd_ros.engine import track
 from etd_ros.recovery.training.box_scenes import box_scene
 from etd_ros.recovery.training.errors import TrainingError
-from etd_ros.settings import Settings
 from etd_ros.simulation import Scene, simulate, true_boxes
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import BoxMisfit, BoxView, ContourConfig
+from etd_ros.tracking import BoxMisfit, BoxView
 from etd_ros.tracking.box_network import UNREADABLE
 from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, X, Y
 
-RANDOM_STREAM = 8
+RANDOM_STREAM = 9
 """Beside the seed."""
 START_NS = 1_000_000_000
-OF_ALL = Settings(contours=ContourConfig(refine_sizes_per_s=0.0))
-"""Slow targets teach as well, with as much round them as fast ones, and boxes that are put right as theirs."""
 FIRST_LABEL_S, LABEL_S, LABELS_MIN = 0.03, 0.002, 20
 VISIBLE_MIN = 0.9
 TARGETS_MAX, VIEWS_MAX = 3, 30
@@ -107,7 +104,7 @@ def simulated_samples(seed: int) -> BoxSamples:
     guard = StreamGuard()
     events = simulate(scene, seed=int(rng.integers(2**31)), start_ns=START_NS, config=sensor)
     batches = (batch for part in events for batch in guard.feed(part))
-    for _ in track(batches, starts, settings=OF_ALL, threads=False, corrector=recorder):
+    for _ in track(batches, starts, threads=False, corrector=recorder):
         pass
     return recorder.samples(rng)
 
