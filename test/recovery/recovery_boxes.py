@@ -8,7 +8,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking import BoxView
 from etd_ros.tracking.box_view import CELLS, FIRST_CELLS
 
-BOX_SEEDS = 28, 24
+BOX_SEEDS = 28, 39
 """Of scenes that are simulated and followed in less than a second: one target, two targets."""
 SENSOR = 240, 180
 
