@@ -83,6 +83,24 @@ def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, 
     return count
 
 
+@njit(cache=True, nogil=True)
+def gather_newest(data: npt.NDArray[np.uint8], duration_s: float, top: int, bottom: int, left: int, right: int,
+                  points: Float32Array) -> int:  # fmt: skip
+    """A frame's event pixels in a window, as points; their number. More than fit are left out."""
+    count = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                level = data[row, column, channel]
+                if level > 0 and count < len(points):
+                    points[count, X] = column + 0.5
+                    points[count, Y] = row + 0.5
+                    points[count, AGE] = (1 - level / 255.0) * duration_s
+                    points[count, POLARITY] = 1.0 if channel == 0 else -1.0
+                    count += 1
+    return count
+
+
 @njit(cache=True, nogil=True, forceinline=True)
 def parabola(left: float, middle: float, right: float, stiffness: float = 0.0) -> float:
     """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top.

@@ -13,6 +13,7 @@ from etd_ros.tracking.contour_drawing import agreements, coherence, splat
 from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
 from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surroundings import Surroundings
 
 LOOKS = 10
 """Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
@@ -26,6 +27,8 @@ STEPS_PX = ((0.5, 2), (0.25, 1))
 FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
 """The first so many looks also try motions up to this many steps off (pixels at the end of the motion): what is thrown
 may have moved by several pixels within the shortest frame."""
+LEFT_ALIKE = 0.3
+"""Parts of the motion of what has left its box are so much alike: it is faint at first."""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
 """(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
 agree): one of these is enough."""
@@ -73,6 +76,9 @@ class StartUp:
     What lies behind it may move at nearly the same velocity, and draws the target's along. So each event counts by how
     much better it agrees with the others at the target's velocity than at that of the ring round the target.
 
+    What hardly differs from what lies behind it makes no events at first, and may have left its box by the time that it
+    does. Where little else moves, it is what does then.
+
     The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
     round where it was, and the pose is what the motion makes of it.
     """
@@ -92,12 +98,14 @@ class StartUp:
         self._looked_at_ns: int | None = None
         self._events_waiting = 0
         self._fast_looks = 0
+        self._surroundings = Surroundings(contours.box, contours.stamp_ns)
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
         the model is known."""
         if self._looked_at_ns is None:
             self._looked_at_ns = surface.start_ns
+        self._surroundings.take(surface)
         elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
         self._events_waiting += new_events
         if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._contours.size_px):
@@ -115,8 +123,11 @@ class StartUp:
         self._collect(points[:count], surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
         events = np.ascontiguousarray(np.concatenate(self._collected))
+        fitted_s = max(time_s, elapsed_s, 1e-3)
         if len(events) >= EVENTS_MIN:
-            self._fit(events, max(time_s, elapsed_s, 1e-3))
+            self._fit(events, fitted_s)
+        if self._follow_out(fitted_s):
+            events = self._surroundings.events
         moved = contours.speed_px_s * time_s
         is_over = (
             (len(self._collected) >= LOOKS and moved >= MOTION_MIN_PX) or moved >= MOTION_MAX_PX or time_s >= TIME_MAX_S
@@ -146,6 +157,23 @@ class StartUp:
             far = self._coherent_far(events, time_s, everything, best)
             best = far if _is_clearly_better(far, best) else best
         contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
+
+    def _follow_out(self, time_s: float) -> bool:
+        """Take the velocity of what has left the box, if something has; its events are those of the start then."""
+        candidates = self._surroundings.velocities(self._contours.velocity, time_s)
+        if not candidates:
+            return False
+        events = _some_of(self._surroundings.events)
+        everything = np.ones(len(events), np.float32)
+        motions = (self._motion(events, time_s, everything, self._weight, velocity) for velocity in candidates)
+        best = max(motions, key=lambda motion: motion.agreement)
+        best = self._coherent(events, time_s, everything, self._weight, best.velocity)
+        if best.alike < LEFT_ALIKE:
+            return False
+        self._contours.velocity = best.velocity
+        # What was collected where it was believed is not of it.
+        self._collected = [events, *(np.empty((0, 4), np.float32) for _ in self._collected[1:])]
+        return True
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_kernels import Float32Array, gather, keep_times
+from etd_ros.tracking.contour_kernels import Float32Array, gather, gather_newest, keep_times
 from etd_ros.tracking.flash import is_flash
 
 FRAME_MAX_NS = 100_000_000
@@ -82,3 +82,9 @@ class TimeSurface:
         """The events of a window that are at most so old, as points, and their number; valid until the next call."""
         oldest_ns = self.stamp_ns - int(duration_s * 1e9)
         return self._points, int(gather(self._times, self.stamp_ns, oldest_ns, *window, self._points))
+
+    def newest(self, window: Window) -> tuple[Float32Array, int]:
+        """The newest frame's events of a window, kept or not, as points, and their number; valid until the next
+        call."""
+        duration_s = (self.stamp_ns - self.start_ns) * 1e-9
+        return self._points, int(gather_newest(self._data, duration_s, *window, self._points))

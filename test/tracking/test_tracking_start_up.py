@@ -31,3 +31,17 @@ def test_what_is_small_and_has_few_events_is_followed_from_its_start_as_well():
     found = tracked(scene, frames=frames_of(scene))
     overlaps = [overlap(report, truth) for _, report, truth in found[2:]]
     assert np.mean(overlaps) > 0.85
+
+
+def test_what_makes_its_first_events_beside_its_box_is_followed_from_there():
+    # It is as bright as the wall's left part, and shows only before the right one.
+    size_px, start_x, speed_px_s = 24, 30, 800
+    way = Waypoint(0.0, start_x, 90), Waypoint(0.2, start_x + 0.2 * speed_px_s, 90)
+    disc = plain_disc(size_px, way).sprites[0]
+    wall = np.full((HEIGHT, WIDTH), disc.texture.max())
+    wall[:, start_x + size_px :] = 0.3
+    scene = Scene(WIDTH, HEIGHT, 0.2, wall, (disc,))
+    found = tracked(scene, frames=frames_of(scene))
+    overlaps = [overlap(report, truth) for time_s, report, truth in found if time_s > 0.06]
+    assert min(overlaps) > 0.6
+    assert np.mean(overlaps) > 0.75

@@ -21,3 +21,13 @@ def test_an_events_age_follows_from_where_its_frame_starts(start_ns, age_ms):
     points, count = surface.points(window, 0.1)
     assert count == 1
     assert points[0, 2] * 1e3 == pytest.approx(age_ms, abs=0.5)
+
+
+def test_a_frames_newest_events_are_told_without_keeping_them():
+    surface = TimeSurface(16, 12)
+    data = np.zeros((12, 16, 2), np.uint8)
+    data[5, 7, 1], data[5, 12, 0], data[2, 3, 0] = 255, 51, 255
+    surface.take(104 * MS, data, 94 * MS)
+    points, count = surface.newest(surface.window(Box(5, 4, 9, 3), 0))
+    np.testing.assert_allclose(points[:count], [[7.5, 5.5, 0, -1], [12.5, 5.5, 0.008, 1]], atol=1e-6)
+    assert surface.points(surface.window(Box(0, 0, 16, 12), 0), 1.0)[1] == 0

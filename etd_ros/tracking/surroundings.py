@@ -1,0 +1,112 @@
+"""What moves round a target's start box: where little else does, it is the target, even if it has left the box."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numba import njit
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.surface import TimeSurface
+
+SPAN = 3.0
+"""Width and height of the surroundings in those of the box."""
+STEPS = 12
+"""Velocities are tried in so many steps to each side, up to those that bring the box to the surroundings' border."""
+BOX_MARGIN = 1.1
+"""Width and height of what counts as the box in those of it."""
+EVENTS_MIN, EVENTS_MAX = 25, 20_000
+"""Fewer say nothing; where there are more, it is not one thing that moves."""
+SHARE_MAX, SHARE_MIN, MORE_MIN = 0.6, 0.8, 0.25
+"""The box at the velocity believed so far holds no more than the first of the events beyond what evenly strewn ones
+would be, at another velocity at least the second, and by so much more than there."""
+BEST_SHARE = 0.9
+"""All velocities at which it holds this part of what it holds at the best one are possible."""
+
+FloatT = TypeVar("FloatT", float, Float64Array)
+
+
+class Surroundings:
+    """The events round a target's start box.
+
+    Args:
+        box: at the start (pixels).
+        start_ns: the time of the start (ns).
+    """
+
+    def __init__(self, box: Box, start_ns: int) -> None:
+        self._box, self._start_ns = box, start_ns
+        self._frames: list[Float32Array] = []
+        self._count = 0
+        self._area = 1.0
+
+    @property
+    def events(self) -> Float32Array:
+        """Those so far, as points whose ages count backwards from the start, shape (n, 4)."""
+        return np.concatenate([np.empty((0, 4), np.float32), *self._frames])
+
+    def take(self, surface: TimeSurface) -> None:
+        """Take the newest frame's events."""
+        if self._count > EVENTS_MAX:
+            return
+        window = top, bottom, left, right = surface.window(self._box.scaled(SPAN), 0.0)
+        points, count = surface.newest(window)
+        kept = points[:count].copy()
+        kept[:, AGE] -= np.float32((surface.stamp_ns - self._start_ns) * 1e-9)
+        self._frames.append(kept)
+        self._count += count
+        self._area = float((bottom - top) * (right - left))
+
+    def velocities(self, believed: Float64Array, time_s: float) -> list[Float64Array]:
+        """Velocities (pixels/s) at which the box would hold nearly all that moves, if it does not at the one believed
+        so far; none where it does, or where more than one thing moves.
+
+        Args:
+            believed: so far (pixels/s).
+            time_s: since the start.
+        """
+        if not EVENTS_MIN <= self._count <= EVENTS_MAX:
+            return []
+        events, box = self.events, np.array([*self._box.center, self._box.w, self._box.h])
+        by_chance = min(self._box.w * self._box.h / self._area, BEST_SHARE)
+        now = _beyond_chance(_held(events, box, *believed.tolist()) / self._count, by_chance)
+        if now > SHARE_MAX:
+            return []
+        reach_px_s = (SPAN - 1) / 2 * box[2:] / time_s
+        shares = _beyond_chance(_held_at_steps(events, box, reach_px_s / STEPS) / self._count, by_chance)
+        best = float(shares.max())
+        if best < max(SHARE_MIN, now + MORE_MIN):
+            return []
+        down, right = np.nonzero(shares >= BEST_SHARE * best)
+        return list((np.stack([right, down], 1) / STEPS - 1) * reach_px_s)
+
+
+def _beyond_chance(share: FloatT, by_chance: float) -> FloatT:
+    """A share of the events (one or many), less what evenly strewn ones would have of it, in parts of the rest."""
+    return (share - by_chance) / (1 - by_chance)
+
+
+@njit(cache=True, nogil=True)
+def _held(events: Float32Array, box: Float64Array, right_px_s: float, down_px_s: float) -> int:
+    """How many events a box holds that moves at a velocity from the start on; box: x, y of its middle, width and height
+    (pixels)."""
+    half_width, half_height = box[2] / 2 * BOX_MARGIN, box[3] / 2 * BOX_MARGIN
+    count = 0
+    for index in range(len(events)):
+        since_s = -events[index, AGE]
+        right = abs(events[index, X] - box[0] - right_px_s * since_s)
+        down = abs(events[index, Y] - box[1] - down_px_s * since_s)
+        count += right <= half_width and down <= half_height
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _held_at_steps(events: Float32Array, box: Float64Array, step_px_s: Float64Array) -> Float64Array:
+    """The same at STEPS steps of the velocity to each side, shape (down, right)."""
+    held = np.empty((2 * STEPS + 1, 2 * STEPS + 1))
+    for down in range(-STEPS, STEPS + 1):
+        for right in range(-STEPS, STEPS + 1):
+            held[down + STEPS, right + STEPS] = _held(events, box, right * step_px_s[0], down * step_px_s[1])
+    return held
