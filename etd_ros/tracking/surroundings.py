@@ -22,6 +22,8 @@ EVENTS_MIN, EVENTS_MAX = 25, 20_000
 SHARE_MAX, SHARE_MIN, MORE_MIN = 0.6, 0.8, 0.25
 """The box at the velocity believed so far holds no more than the first of the events beyond what evenly strewn ones
 would be, at another velocity at least the second, and by so much more than there."""
+COUNTED_MAX = 1000
+"""Of more events every second, third, ... is counted: several hundred velocities are tried."""
 BEST_SHARE = 0.9
 """All velocities at which it holds this part of what it holds at the best one are possible."""
 
@@ -69,13 +71,14 @@ class Surroundings:
         """
         if not EVENTS_MIN <= self._count <= EVENTS_MAX:
             return []
-        events, box = self.events, np.array([*self._box.center, self._box.w, self._box.h])
+        events = np.ascontiguousarray(self.events[:: 1 + self._count // COUNTED_MAX])
+        box = np.array([*self._box.center, self._box.w, self._box.h])
         by_chance = min(self._box.w * self._box.h / self._area, BEST_SHARE)
-        now = _beyond_chance(_held(events, box, *believed.tolist()) / self._count, by_chance)
+        now = _beyond_chance(_held(events, box, *believed.tolist()) / len(events), by_chance)
         if now > SHARE_MAX:
             return []
         reach_px_s = (SPAN - 1) / 2 * box[2:] / time_s
-        shares = _beyond_chance(_held_at_steps(events, box, reach_px_s / STEPS) / self._count, by_chance)
+        shares = _beyond_chance(_held_at_steps(events, box, reach_px_s / STEPS) / len(events), by_chance)
         best = float(shares.max())
         if best < max(SHARE_MIN, now + MORE_MIN):
             return []
