@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,6 @@ STEPS_PX = ((0.5, 2), (0.25, 1))
 FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
 """The first so many looks also try motions up to this many steps off (pixels at the end of the motion): what is thrown
 may have moved by several pixels within the shortest frame."""
-LEFT_ALIKE = 0.3
-"""Parts of the motion of what has left its box are so much alike: it is faint at first."""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
 """(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
 agree): one of these is enough."""
@@ -36,6 +35,8 @@ EVENTS_MIN = 20
 ALIKE_ENOUGH = 0.5
 """Where parts of the time are less alike than this at the best velocity, that is believed by as much less: some
 velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
+LEFT_TRUST = ((0.3, 1.5), (0.7, 1.1))
+"""The same as FAST_TRUST for the motion of what has left its box: that is faint at first."""
 CHANGE_WEIGHT = 0.001
 """How much coherence a pixel of change (squared) has to bring."""
 REST_WEIGHT = 0.1
@@ -57,6 +58,8 @@ APART_ROUNDS = 3
 BEHIND_WEIGHT = 0.7
 """How much less an event counts that moves like the ring."""
 AGREED_FLOOR = 0.1
+NEXT_STEPS = np.array([(right, down) for down in (-1, 0, 1) for right in (-1, 0, 1)])
+"""To a velocity itself and to those round it."""
 PIXELS_MAX = 65536
 """More than a sensor has along a side."""
 
@@ -77,7 +80,7 @@ class StartUp:
     much better it agrees with the others at the target's velocity than at that of the ring round the target.
 
     What hardly differs from what lies behind it makes no events at first, and may have left its box by the time that it
-    does. Where little else moves, it is what does then.
+    does. Where little else moves round the box, what moves there is taken for it.
 
     The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
     round where it was, and the pose is what the motion makes of it.
@@ -126,7 +129,8 @@ class StartUp:
         fitted_s = max(time_s, elapsed_s, 1e-3)
         if len(events) >= EVENTS_MIN:
             self._fit(events, fitted_s)
-        if self._follow_out(fitted_s):
+        has_left = self._follow_out(fitted_s)
+        if has_left:
             events = self._surroundings.events
         moved = contours.speed_px_s * time_s
         is_over = (
@@ -136,6 +140,9 @@ class StartUp:
             self._tell_apart(events, time_s)
         contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
         contours.stamp_ns = surface.stamp_ns
+        if has_left:
+            # So far the surface was kept up to date where it was believed.
+            contours.keep(surface)
         if is_over:
             self._finish(events, moved)
         return is_over
@@ -160,17 +167,26 @@ class StartUp:
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
-        candidates = self._surroundings.velocities(self._contours.velocity, time_s)
+        believed = self._contours.velocity
+        candidates = self._surroundings.velocities(believed, time_s)
         if not candidates:
             return False
-        events = _some_of(self._surroundings.events)
-        everything = np.ones(len(events), np.float32)
-        motions = (self._motion(events, time_s, everything, self._weight, velocity) for velocity in candidates)
-        best = max(motions, key=lambda motion: motion.agreement)
-        best = self._coherent(events, time_s, everything, self._weight, best.velocity)
-        if best.alike < LEFT_ALIKE:
+        events = self._surroundings.events
+        some = _some_of(events)
+        everything = np.ones(len(some), np.float32)
+        velocity = self._best_of(some, time_s, everything, candidates).velocity
+        # The larger the box, the farther apart they are.
+        step_px = self._surroundings.step_px / 2
+        while step_px > STEPS_PX[0][0]:
+            nearer = velocity + NEXT_STEPS * (step_px / time_s)
+            velocity = self._best_of(some, time_s, everything, nearer).velocity
+            step_px /= 2
+        left = self._coherent(some, time_s, everything, self._weight, velocity)
+        # What flickers beside the box agrees best at rest.
+        here = self._best_of(some, time_s, everything, (believed, np.zeros(2)))
+        if not _is_clearly_better(left, here, LEFT_TRUST):
             return False
-        self._contours.velocity = best.velocity
+        self._contours.velocity = left.velocity
         # What was collected where it was believed is not of it.
         self._collected = [events, *(np.empty((0, 4), np.float32) for _ in self._collected[1:])]
         return True
@@ -214,11 +230,17 @@ class StartUp:
         steps = range(-FAST_STEPS, FAST_STEPS + 1)
         offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
         velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
-        motions = (self._motion(some, time_s, shares_of_some, self._weight, velocity) for velocity in velocities)
-        best = max(motions, key=lambda motion: motion.agreement).velocity
+        best = self._best_of(some, time_s, shares_of_some, velocities).velocity
         if np.array_equal(best, so_far):
             return near
         return self._coherent(events, time_s, shares, self._weight, best)
+
+    def _best_of(
+        self, events: Float32Array, time_s: float, shares: Float32Array, velocities: Iterable[Float64Array]
+    ) -> _Motion:
+        """The motion at which the target's events agree best, of those with these velocities (pixels/s)."""
+        motions = (self._motion(events, time_s, shares, self._weight, velocity) for velocity in velocities)
+        return max(motions, key=lambda motion: motion.agreement)
 
     def _motion(
         self,
@@ -251,10 +273,10 @@ class StartUp:
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
 
 
-def _is_clearly_better(far: _Motion, near: _Motion) -> bool:
+def _is_clearly_better(far: _Motion, near: _Motion, trust: tuple[tuple[float, float], ...] = FAST_TRUST) -> bool:
     """Whether a motion farther off is to be believed rather than the best one near by: of few events something always
     agrees. Where those at the near one agree by nothing, that the far one's parts are alike is enough."""
-    return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in FAST_TRUST)
+    return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in trust)
 
 
 def _some_of(values: Float32Array) -> Float32Array:

@@ -9,7 +9,7 @@ from numba import njit
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
-from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surface import TimeSurface, Window
 
 SPAN = 3.0
 """Width and height of the surroundings in those of the box."""
@@ -17,11 +17,14 @@ STEPS = 12
 """Velocities are tried in so many steps to each side, up to those that bring the box to the surroundings' border."""
 BOX_MARGIN = 1.1
 """Width and height of what counts as the box in those of it."""
-EVENTS_MIN, EVENTS_MAX = 25, 20_000
-"""Fewer say nothing; where there are more, it is not one thing that moves."""
+EVENTS_MIN, EVENTS_MAX = 25, 16_000
+"""Fewer say nothing; where there are more, much moves, or something large that the box's own events tell of. A frame
+that has more than a surface tells at once has more than these."""
 SHARE_MAX, SHARE_MIN, MORE_MIN = 0.6, 0.8, 0.25
 """The box at the velocity believed so far holds no more than the first of the events beyond what evenly strewn ones
 would be, at another velocity at least the second, and by so much more than there."""
+BY_CHANCE_MAX = 0.5
+"""A box that fills more of its surroundings than this, at the sensor's borders, holds most events wherever it is."""
 COUNTED_MAX = 1000
 """Of more events every second, third, ... is counted: several hundred velocities are tried."""
 BEST_SHARE = 0.9
@@ -42,7 +45,12 @@ class Surroundings:
         self._box, self._start_ns = box, start_ns
         self._frames: list[Float32Array] = []
         self._count = 0
-        self._area = 1.0
+        self._by_chance = 1.0
+
+    @property
+    def step_px(self) -> float:
+        """How far the places to which these velocities have brought the box lie apart (pixels)."""
+        return (SPAN - 1) / 2 / STEPS * max(self._box.w, self._box.h)
 
     @property
     def events(self) -> Float32Array:
@@ -53,27 +61,31 @@ class Surroundings:
         """Take the newest frame's events."""
         if self._count > EVENTS_MAX:
             return
-        window = top, bottom, left, right = surface.window(self._box.scaled(SPAN), 0.0)
+        window = surface.window(self._box.scaled(SPAN), 0.0)
         points, count = surface.newest(window)
+        if count == 0:
+            return
+        self._by_chance = _pixels(surface.window(self._box.scaled(BOX_MARGIN), 0.0)) / _pixels(window)
         kept = points[:count].copy()
         kept[:, AGE] -= np.float32((surface.stamp_ns - self._start_ns) * 1e-9)
         self._frames.append(kept)
         self._count += count
-        self._area = float((bottom - top) * (right - left))
+        if self._count > EVENTS_MAX:
+            self._frames.clear()
 
     def velocities(self, believed: Float64Array, time_s: float) -> list[Float64Array]:
-        """Velocities (pixels/s) at which the box would hold nearly all that moves, if it does not at the one believed
-        so far; none where it does, or where more than one thing moves.
+        """Velocities (pixels/s) at which the box would hold nearly all events round it, if it does not at the one
+        believed so far; none where it does, or where no velocity does.
 
         Args:
             believed: so far (pixels/s).
-            time_s: since the start.
+            time_s: since the start, or a little more (s).
         """
-        if not EVENTS_MIN <= self._count <= EVENTS_MAX:
+        if not EVENTS_MIN <= self._count <= EVENTS_MAX or self._by_chance > BY_CHANCE_MAX:
             return []
         events = np.ascontiguousarray(self.events[:: 1 + self._count // COUNTED_MAX])
         box = np.array([*self._box.center, self._box.w, self._box.h])
-        by_chance = min(self._box.w * self._box.h / self._area, BEST_SHARE)
+        by_chance = self._by_chance
         now = _beyond_chance(_held(events, box, *believed.tolist()) / len(events), by_chance)
         if now > SHARE_MAX:
             return []
@@ -86,6 +98,11 @@ class Surroundings:
         return list((np.stack([right, down], 1) / STEPS - 1) * reach_px_s)
 
 
+def _pixels(window: Window) -> int:
+    top, bottom, left, right = window
+    return (bottom - top) * (right - left)
+
+
 def _beyond_chance(share: FloatT, by_chance: float) -> FloatT:
     """A share of the events (one or many), less what evenly strewn ones would have of it, in parts of the rest."""
     return (share - by_chance) / (1 - by_chance)
@@ -95,13 +112,13 @@ def _beyond_chance(share: FloatT, by_chance: float) -> FloatT:
 def _held(events: Float32Array, box: Float64Array, right_px_s: float, down_px_s: float) -> int:
     """How many events a box holds that moves at a velocity from the start on; box: x, y of its middle, width and height
     (pixels)."""
-    half_width, half_height = box[2] / 2 * BOX_MARGIN, box[3] / 2 * BOX_MARGIN
+    half_width_px, half_height_px = box[2] / 2 * BOX_MARGIN, box[3] / 2 * BOX_MARGIN
     count = 0
     for index in range(len(events)):
         since_s = -events[index, AGE]
-        right = abs(events[index, X] - box[0] - right_px_s * since_s)
-        down = abs(events[index, Y] - box[1] - down_px_s * since_s)
-        count += right <= half_width and down <= half_height
+        across_px = abs(events[index, X] - box[0] - right_px_s * since_s)
+        down_px = abs(events[index, Y] - box[1] - down_px_s * since_s)
+        count += across_px <= half_width_px and down_px <= half_height_px
     return count
 
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
 
+from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
+from etd_ros.tracking import ContourConfig
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.start_up import StartUp
+from etd_ros.tracking.surface import TimeSurface
 
 
 def plain_disc(size_px, way):
@@ -33,15 +38,34 @@ def test_what_is_small_and_has_few_events_is_followed_from_its_start_as_well():
     assert np.mean(overlaps) > 0.85
 
 
-def test_what_makes_its_first_events_beside_its_box_is_followed_from_there():
+@pytest.mark.parametrize("size_px", [24, 60])
+def test_what_makes_its_first_events_beside_its_box_is_followed_from_there(size_px):
     # It is as bright as the wall's left part, and shows only before the right one.
-    size_px, start_x, speed_px_s = 24, 30, 800
-    way = Waypoint(0.0, start_x, 90), Waypoint(0.2, start_x + 0.2 * speed_px_s, 90)
+    start_x, flight_s = 6 + size_px / 2, 0.15
+    way = Waypoint(0.0, start_x, 90), Waypoint(flight_s, start_x + 140, 90)
     disc = plain_disc(size_px, way).sprites[0]
     wall = np.full((HEIGHT, WIDTH), disc.texture.max())
-    wall[:, start_x + size_px :] = 0.3
-    scene = Scene(WIDTH, HEIGHT, 0.2, wall, (disc,))
+    wall[:, round(start_x + size_px) :] = 0.3
+    scene = Scene(WIDTH, HEIGHT, flight_s, wall, (disc,))
     found = tracked(scene, frames=frames_of(scene))
     overlaps = [overlap(report, truth) for time_s, report, truth in found if time_s > 0.06]
     assert min(overlaps) > 0.6
     assert np.mean(overlaps) > 0.75
+
+
+@pytest.mark.parametrize("beside_px", [2, 3, 12])
+@pytest.mark.parametrize("polarity", [0, 1, None])
+def test_what_flickers_beside_a_box_does_not_draw_it_away(beside_px, polarity):
+    box, start_ns = Box(100, 70, 20, 20), 1_000_000_000
+    contours = Contours(box, start_ns, ContourConfig())
+    start_up, surface = StartUp(contours), TimeSurface(WIDTH, HEIGHT)
+    for number in range(1, 101):
+        data = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+        if number % 5 == 0:
+            channel = number // 5 % 2 if polarity is None else polarity
+            data[78:82, 119 + beside_px, channel] = 128
+        surface.take(start_ns + number * 1_000_000, data, start_ns + (number - 1) * 1_000_000)
+        if start_up.take(surface, contours.keep(surface)):
+            break
+    moved_px = np.hypot(*(contours.pose[:2] - box.center))
+    assert moved_px < 4.0

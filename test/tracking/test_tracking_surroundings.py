@@ -5,16 +5,16 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.surroundings import EVENTS_MAX, Surroundings
+from etd_ros.tracking.surroundings import Surroundings
 
 WIDTH, HEIGHT, START_NS, FRAME_NS = 120, 90, 5_000_000_000, 1_000_000
 BOX = Box(50, 35, 20, 20)
 
 
-def seen(places_of, frames=20):
+def seen(places_of, frames=20, box=BOX):
     """Surroundings and the time (s) after frames of 1 ms; `places_of` gives a frame's event pixels at a time (s)."""
     surface = TimeSurface(WIDTH, HEIGHT)
-    surroundings = Surroundings(BOX, START_NS)
+    surroundings = Surroundings(box, START_NS)
     for number in range(1, frames + 1):
         data = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
         columns, rows = places_of(number * FRAME_NS * 1e-9)
@@ -67,17 +67,28 @@ def test_two_things_on_both_sides_offer_no_velocity():
     assert surroundings.velocities(np.zeros(2), time_s) == []
 
 
-def test_events_without_end_are_not_kept_without_end():
+def test_of_events_without_end_none_are_kept():
     rows, columns = (part.ravel() for part in np.mgrid[:HEIGHT, :WIDTH])
     surroundings, time_s = seen(lambda _: (columns, rows))
-    assert EVENTS_MAX < len(surroundings.events) < EVENTS_MAX + 3600 * 2
+    assert len(surroundings.events) == 0
     assert surroundings.velocities(np.zeros(2), time_s) == []
 
 
-def test_at_the_corner_of_the_sensor_the_box_is_clipped_and_nothing_is_offered_of_nothing():
-    surface = TimeSurface(WIDTH, HEIGHT)
-    surroundings = Surroundings(Box(-5, -5, 20, 20), START_NS)
-    surface.take(START_NS + FRAME_NS, np.zeros((HEIGHT, WIDTH, 2), np.uint8), START_NS)
-    surroundings.take(surface)
-    assert len(surroundings.events) == 0
-    assert surroundings.velocities(np.zeros(2), 0.001) == []
+def test_what_leaves_along_the_border_is_held_at_its_own_velocity():
+    box = Box(-4, 60, 20, 20)
+
+    def part_on_sensor(at_s):
+        columns, rows = ring_at(box.center[0], box.center[1] - 900 * at_s)
+        return columns[columns >= 0], rows[columns >= 0]
+
+    surroundings, time_s = seen(part_on_sensor, box=box)
+    offered = surroundings.velocities(np.zeros(2), time_s)
+    assert min(np.hypot(*(each - (0.0, -900.0))) for each in offered) * time_s < 2.0
+
+
+def test_of_a_box_that_fills_its_surroundings_nothing_is_offered():
+    def corner(at_s):
+        return np.full(24, 2 + int(200 * at_s)), np.arange(24) * 3
+
+    surroundings, time_s = seen(corner, box=Box(1, 1, WIDTH - 2, HEIGHT - 2))
+    assert surroundings.velocities(np.array([9000.0, 0.0]), time_s) == []
