@@ -184,6 +184,9 @@ class ContourTarget:
             return
         self._contours.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
+        if self._start_up is not None:
+            # What it has collected is of other times.
+            self._start_up = StartUp(self._contours)
         self._contours.uncover()
         self._held = replace(self._held, moving=None) if self._held else None
         self._images.time_went_back(stamp_ns)

@@ -6,7 +6,7 @@ from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
-from etd_ros.tracking import ContourConfig
+from etd_ros.tracking import ContourConfig, MultiTracker
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
@@ -69,3 +69,17 @@ def test_what_flickers_beside_a_box_does_not_draw_it_away(beside_px, polarity):
             break
     moved_px = np.hypot(*(contours.pose[:2] - box.center))
     assert moved_px < 4.0
+
+
+def test_a_start_that_is_not_over_begins_anew_when_time_goes_back():
+    way = Waypoint(0, 40, 70), Waypoint(0.5, 190, 70)
+    scene = scene_of(*way, duration_s=0.5)
+    frames = frames_of(scene)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", scene.box("thing", 0.0), 0)
+    later_ns = 100_000_000_000
+    for frame in frames[:2]:
+        tracker.update(frame.stamp_ns + later_ns, frame.data, start_ns=frame.start_ns + later_ns)
+    for frame in frames:
+        (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert overlap(report, scene.box("thing", 0.5)) > 0.8
