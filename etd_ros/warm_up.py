@@ -75,6 +75,8 @@ def _track() -> None:
         (MultiTracker(SENSOR_SIDE, SENSOR_SIDE, contours=ContourConfig()), STEPS),
     ):
         tracker.start("square", Box(8, 8, SQUARE_SIDE, SQUARE_SIDE))
+        # It has moved away from this one, as far as its start can tell.
+        tracker.start("beside", Box(8 + SQUARE_SIDE, 8, SQUARE_SIDE - 4, SQUARE_SIDE - 4))
         events = _moving_square()
         for step in range(frames):
             now = events.between(step * STEP_NS, (step + 1) * STEP_NS)
