@@ -65,6 +65,15 @@ def keep_times(times: npt.NDArray[np.int64], data: npt.NDArray[np.uint8], start_
     return count
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def _put(point: Float32Array, row: int, column: int, channel: int, age_s: float) -> None:
+    """Make a point of an event pixel."""
+    point[X] = column + 0.5
+    point[Y] = row + 0.5
+    point[AGE] = age_s
+    point[POLARITY] = 1.0 if channel == 0 else -1.0
+
+
 @njit(cache=True, nogil=True)
 def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
            points: Float32Array) -> int:  # fmt: skip
@@ -75,10 +84,7 @@ def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, 
             for channel in range(2):
                 time_ns = times[row, column, channel]
                 if time_ns > oldest_ns and count < len(points):
-                    points[count, X] = column + 0.5
-                    points[count, Y] = row + 0.5
-                    points[count, AGE] = (now_ns - time_ns) * 1e-9
-                    points[count, POLARITY] = 1.0 if channel == 0 else -1.0
+                    _put(points[count], row, column, channel, (now_ns - time_ns) * 1e-9)
                     count += 1
     return count
 
@@ -93,10 +99,7 @@ def gather_newest(data: npt.NDArray[np.uint8], duration_s: float, top: int, bott
             for channel in range(2):
                 level = data[row, column, channel]
                 if level > 0 and count < len(points):
-                    points[count, X] = column + 0.5
-                    points[count, Y] = row + 0.5
-                    points[count, AGE] = (1 - level / 255.0) * duration_s
-                    points[count, POLARITY] = 1.0 if channel == 0 else -1.0
+                    _put(points[count], row, column, channel, (1 - level / 255.0) * duration_s)
                     count += 1
     return count
 
