@@ -43,7 +43,7 @@ class ContourConfig(Parameters):
         high=1e6,
     )
     frame_motion: float = parameter(
-        0.05,
+        0.02,
         "frames last until a target has moved by this share of its size, or as atsltd says: a box is true at their end",
         low=0.001,
         high=100.0,

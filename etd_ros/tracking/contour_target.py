@@ -65,8 +65,9 @@ STILL_S = 0.03
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 """No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
 the look is a wide one."""
-FRAME_MIN_S = 0.0005
-"""Frames are not asked to be shorter than this, however fast the target."""
+FRAME_MIN_S, FRAME_SLOW_MIN_S = 0.0003, 0.005
+"""Frames are not asked to be shorter than this, the second where the target is not fast: it is not looked at more
+often."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
 
@@ -136,7 +137,8 @@ class ContourTarget:
         sizes_per_s = self._contours.sizes_per_s
         if not is_sure or sizes_per_s == 0:
             return math.inf
-        return max(FRAME_MIN_S, self._contour_config.frame_motion / sizes_per_s)
+        shortest_s = FRAME_MIN_S if self._contours.is_fast else FRAME_SLOW_MIN_S
+        return max(shortest_s, self._contour_config.frame_motion / sizes_per_s)
 
     def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is

@@ -12,7 +12,7 @@ from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, TrackerConfig
 from etd_ros.tracking.contours import Contours
 
-FRAME_SHARE = 0.05
+FRAME_SHARE = 0.02
 TRACKING = TargetState.TRACKING
 
 
@@ -46,16 +46,38 @@ def test_a_target_loses_overlap_by_its_motion_in_parts_of_its_width_and_of_its_h
     assert contours.sizes_per_s == pytest.approx(200 / 20 + 100 / 50)
 
 
-@pytest.mark.parametrize("speed_px_s", [200.0, 800.0])
+@pytest.mark.parametrize("speed_px_s", [400.0, 800.0])
 def test_frames_are_to_last_until_the_target_has_moved_by_a_share_of_its_size(speed_px_s):
     asked = [limit_s for _, _, limit_s in limits_s(crossing(speed_px_s)).values()]
     half = len(asked) // 2
     assert asked[half:] == pytest.approx([FRAME_SHARE * SIZE / speed_px_s] * (len(asked) - half), rel=0.25)
 
 
+def test_frames_of_what_is_not_fast_are_to_be_no_shorter_than_its_looks_are_apart():
+    asked = [limit_s for _, _, limit_s in limits_s(crossing(200.0)).values()]
+    assert {limit_s for limit_s in asked if limit_s < math.inf} == {0.005}
+    assert asked[-1] == 0.005
+
+
+@pytest.mark.parametrize(("speed_px_s", "waits_s"), [(1000.0, 0.0045), (2000.0, 0.00225)])
+def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(speed_px_s, waits_s):
+    contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
+    contours.velocity[:] = speed_px_s, 0.0
+    assert contours.is_fast
+    assert not contours.is_due(START_NS + round(0.95 * waits_s * 1e9))
+    assert contours.is_due(START_NS + round(1.05 * waits_s * 1e9))
+
+
+def test_a_look_at_what_is_fast_and_wide_waits_for_no_longer_than_others_do():
+    contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
+    contours.velocity[:] = 805.0, 0.0
+    assert contours.is_fast
+    assert contours.is_due(START_NS + 5_000_000)
+
+
 def test_the_share_can_be_chosen():
     half_as_much, usual = (
-        last_limit_s(crossing(400.0), config=ContourConfig(frame_motion=share)) for share in (0.025, 0.05)
+        last_limit_s(crossing(400.0), config=ContourConfig(frame_motion=share)) for share in (0.02, 0.04)
     )
     assert half_as_much == pytest.approx(usual / 2)
 
@@ -102,9 +124,9 @@ def test_a_target_that_is_lost_asks_for_nothing():
     assert set(lost) == {math.inf}
 
 
-def test_frames_are_never_to_be_shorter_than_half_a_millisecond():
+def test_frames_are_never_to_be_shorter_than_three_tenths_of_a_millisecond():
     tiny_steps = ContourConfig(frame_motion=0.001)
-    assert min(limit_s for _, _, limit_s in limits_s(crossing(800.0), config=tiny_steps).values()) == 0.0005
+    assert min(limit_s for _, _, limit_s in limits_s(crossing(800.0), config=tiny_steps).values()) == 0.0003
 
 
 def test_targets_on_proposals_ask_for_nothing():
