@@ -44,7 +44,7 @@ class ContourConfig(Parameters):
     )
     frame_motion: float = parameter(
         0.02,
-        "frames last until a target has moved by this share of its size, or as atsltd says: a box is true at their end",
+        "frames last until a target has moved by this share of its size, 5 ms if it is slow, or as atsltd says",
         low=0.001,
         high=100.0,
     )

@@ -38,8 +38,9 @@ WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
 WAIT_MIN_PX, WAIT_MAX_PX = 0.6, 1.5
 """A look waits for so much time or motion of the target's own, whatever ends the frames; its box moves on meanwhile.
 After the longer ones it does not wait for events."""
-WAIT_SIZES = 0.045
-"""A look at what is fast waits for motion by this share of its size, too: more of them teach what covers it."""
+WAIT_FAST_SIZES, WAIT_FAST_S = 0.045, 0.002
+"""A look at what is fast waits for motion by this share of its size, too, or so long: more of them teach what covers
+it."""
 SPAN_MIN_S = 0.002
 MOTION_SEEN_MIN_PX = 0.5
 """Events for each pixel of motion are counted as if there were at least so much of it."""
@@ -207,8 +208,9 @@ class Contours:
         """Whether it is time for a look; the events for the next one count from then on."""
         elapsed_s = self._since_s(stamp_ns)
         moved_px = self.speed_px_s * elapsed_s
-        is_near = moved_px < WAIT_MIN_PX or (self.is_fast and self.sizes_per_s * elapsed_s < WAIT_SIZES)
-        if is_near and elapsed_s < WAIT_MIN_S:
+        if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
+            return False
+        if self.is_fast and self.sizes_per_s * elapsed_s < WAIT_FAST_SIZES and elapsed_s < WAIT_FAST_S:
             return False
         wanted = max(EVENTS_MIN, EVENTS_SHARE * (self._events_per_px or 0.0))
         if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and moved_px < WAIT_MAX_PX:

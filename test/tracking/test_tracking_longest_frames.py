@@ -59,7 +59,7 @@ def test_frames_of_what_is_not_fast_are_to_be_no_shorter_than_its_looks_are_apar
     assert asked[-1] == 0.005
 
 
-@pytest.mark.parametrize(("speed_px_s", "waits_s"), [(1000.0, 0.0045), (2000.0, 0.00225)])
+@pytest.mark.parametrize(("speed_px_s", "waits_s"), [(3000.0, 0.0015), (4500.0, 0.001)])
 def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(speed_px_s, waits_s):
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
     contours.velocity[:] = speed_px_s, 0.0
@@ -68,11 +68,12 @@ def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(
     assert contours.is_due(START_NS + round(1.05 * waits_s * 1e9))
 
 
-def test_a_look_at_what_is_fast_and_wide_waits_for_no_longer_than_others_do():
+def test_a_look_at_what_is_fast_waits_for_two_milliseconds_at_most():
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.velocity[:] = 805.0, 0.0
+    contours.velocity[:] = 1000.0, 0.0
     assert contours.is_fast
-    assert contours.is_due(START_NS + 5_000_000)
+    assert not contours.is_due(START_NS + 1_900_000)
+    assert contours.is_due(START_NS + 2_000_000)
 
 
 def test_the_share_can_be_chosen():
