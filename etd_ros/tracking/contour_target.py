@@ -17,7 +17,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
-from etd_ros.tracking.contours import Contours, Impression, Look
+from etd_ros.tracking.contours import FAST_SIZES_PER_S, WAIT_MIN_S, Contours, Impression, Look
 from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
@@ -65,9 +65,8 @@ STILL_S = 0.03
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 """No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
 the look is a wide one."""
-FRAME_MIN_S, FRAME_SLOW_MIN_S = 0.0003, 0.005
-"""Frames are not asked to be shorter than this, the second where the target is not fast: it is not looked at more
-often."""
+FRAME_MIN_S = 0.0003
+"""Frames are not asked to be shorter than this, however fast the target."""
 SETTLING_LOOKS = 4
 """After it was found its motion is not known for so many looks."""
 
@@ -137,7 +136,8 @@ class ContourTarget:
         sizes_per_s = self._contours.sizes_per_s
         if not is_sure or sizes_per_s == 0:
             return math.inf
-        shortest_s = FRAME_MIN_S if self._contours.is_fast else FRAME_SLOW_MIN_S
+        # What is not fast is looked at no more often.
+        shortest_s = FRAME_MIN_S if sizes_per_s > FAST_SIZES_PER_S else WAIT_MIN_S
         return max(shortest_s, self._contour_config.frame_motion / sizes_per_s)
 
     def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:

@@ -210,7 +210,7 @@ class Contours:
         moved_px = self.speed_px_s * elapsed_s
         if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
             return False
-        if self.is_fast and self.sizes_per_s * elapsed_s < WAIT_FAST_SIZES and elapsed_s < WAIT_FAST_S:
+        if elapsed_s < WAIT_FAST_S and FAST_SIZES_PER_S < self.sizes_per_s < WAIT_FAST_SIZES / elapsed_s:
             return False
         wanted = max(EVENTS_MIN, EVENTS_SHARE * (self._events_per_px or 0.0))
         if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and moved_px < WAIT_MAX_PX:
