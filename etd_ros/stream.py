@@ -17,6 +17,9 @@ from etd_ros.parameters import Parameters, parameter
 NS_PER_S = 1_000_000_000
 LOST_MESSAGES_MAX = 1_000_000
 """A sequence number that leaps farther says nothing about how many messages there were."""
+RESTARTS_MAX = 8
+"""A batch in which time goes back too far more often is not of recordings that follow one another but damaged: to start
+a stream again costs milliseconds, and each event may ask for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,20 +103,24 @@ class StreamGuard:
     def feed(self, events: Events, seq: int | None = None, encoding: str | None = None) -> Iterator[StreamBatch]:
         """Take the next batch; yield it as one or more batches of streams, without a copy where nothing is wrong.
 
+        After RESTARTS_MAX long steps back in one batch the latest time is held over all others.
+
         Args:
             events: decoded events, which may step back in time; an empty batch yields nothing.
             seq: the message's sequence number, where its type has one.
             encoding: the message's encoding, where known.
         """
         self._note_changes(events, seq, encoding)
+        restarts_left = RESTARTS_MAX
         while len(events):
             latest_ns = int(events.t[0]) if self._latest_ns is None else self._latest_ns
-            part = self._in_order(events, latest_ns)
+            part = self._in_order(events, latest_ns, may_restart=restarts_left > 0)
             if len(part):
                 yield self._started(part)
             events = events[len(part) :]
             if len(events):
                 self._end_stream(Restart.TIME_STEP_BACK)
+                restarts_left -= 1
 
     def _note_changes(self, events: Events, seq: int | None, encoding: str | None) -> None:
         if self._seq is not None and seq is not None and seq != self._seq + 1:
@@ -150,13 +157,14 @@ class StreamGuard:
         self._latest_ns = int(part.t[-1])
         return StreamBatch(part, restart)
 
-    def _in_order(self, events: Events, latest_ns: int) -> Events:
-        """The leading events of the same stream, with times that do not decrease."""
+    def _in_order(self, events: Events, latest_ns: int, *, may_restart: bool) -> Events:
+        """The leading events of the same stream, with times that do not decrease; all of them unless another stream may
+        begin."""
         ordered = _ordered_length(events.t, latest_ns)
         if ordered == len(events):
             return events
         t = events.t.copy()
-        length, clamped = _clamp(t, latest_ns, self._step_back_max_ns)
+        length, clamped = _clamp(t, latest_ns, self._step_back_max_ns, may_restart)
         self.counters.clamped_events += clamped
         return dataclasses.replace(events, t=t)[:length]
 
@@ -172,8 +180,8 @@ def _ordered_length(t: npt.NDArray[np.int64], latest_ns: int) -> int:
 
 
 @borrowing_kernel
-def _clamp(t: npt.NDArray[np.int64], latest_ns: int, step_back_max_ns: int) -> tuple[int, int]:
-    """Raise times to the latest before them, in place, up to the first step back that is too long.
+def _clamp(t: npt.NDArray[np.int64], latest_ns: int, step_back_max_ns: int, may_stop: bool) -> tuple[int, int]:
+    """Raise times to the latest before them, in place, up to the first step back that is too long, if it may stop there.
 
     Returns:
         (index of that step back, or the length; number of times raised).
@@ -182,7 +190,7 @@ def _clamp(t: npt.NDArray[np.int64], latest_ns: int, step_back_max_ns: int) -> t
     for i in range(len(t)):
         if t[i] >= latest_ns:
             latest_ns = t[i]
-        elif t[i] < latest_ns - step_back_max_ns:
+        elif may_stop and t[i] < latest_ns - step_back_max_ns:
             return i, clamped
         else:
             t[i] = latest_ns

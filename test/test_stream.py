@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError
-from etd_ros.stream import Restart, StreamBatch, StreamConfig, StreamGuard
+from etd_ros.stream import RESTARTS_MAX, Restart, StreamBatch, StreamConfig, StreamGuard
 
 MS = 1_000_000
 
@@ -79,6 +79,17 @@ def test_the_longest_step_back_is_a_parameter_and_inclusive():
     assert times(batches) == [[20 * MS, 20 * MS], [10 * MS - 1]]
     with pytest.raises(ParameterError, match="step_back_max_s"):
         StreamConfig(step_back_max_s=-1.0)
+
+
+def test_a_batch_of_senseless_times_starts_few_streams_and_loses_nothing():
+    guard = StreamGuard()
+    batches = list(guard.feed(events_at(*[0, 1000 * MS] * 500)))
+    assert guard.counters.restarts == RESTARTS_MAX
+    assert sum(len(batch.events) for batch in batches) == 1000
+    assert all((np.diff(batch.events.t) >= 0).all() for batch in batches)
+    (batch,) = guard.feed(events_at(5 * MS, 6 * MS))
+    assert batch.restart is Restart.TIME_STEP_BACK
+    assert batch.events.t.tolist() == [5 * MS, 6 * MS]
 
 
 def test_a_gap_in_the_sequence_starts_a_new_stream_and_counts_what_was_lost():
