@@ -12,6 +12,10 @@ from etd_ros.events import Events
 from etd_ros.reconstruction.high_pass import HighPassFilter, ReconstructionError
 
 HELD_BYTES_MAX = 64 << 20
+BATCH_BYTES = 1024
+"""What a batch takes beside its events, for its objects."""
+PINNED_MAX = 2
+"""A batch that lies in arrays so many times as large, which it keeps from being used again, is copied to be held."""
 REQUESTS_MAX = 1 << 16
 REQUESTS_AHEAD_MAX = 8
 
@@ -48,11 +52,12 @@ class SynchronisedReconstruction:
 
     @property
     def held_bytes(self) -> int:
-        """Bytes of the events held back."""
+        """Bytes of the batches held back."""
         return self._held_bytes
 
     def push(self, events: Events) -> None:
-        """Take a batch that follows the last one in time. Its arrays are kept, not copied.
+        """Take a batch that follows the last one in time. Its arrays are kept, and not copied unless they are a small
+        part of larger ones.
 
         Raises:
             ReconstructionError: the batch is of another sensor size.
@@ -65,8 +70,7 @@ class SynchronisedReconstruction:
             raise ReconstructionError(msg)
         if not len(events):
             return
-        self._held.append(events)
-        self._held_bytes += _size(events)
+        self._hold(events)
         self._seen_ns = int(events.t[-1])
         while self._held_bytes > self._held_bytes_max and not self._is_using_held():
             self.integrated_early += len(self._held[0])
@@ -119,6 +123,14 @@ class SynchronisedReconstruction:
         self.requests_dropped += len(self._requests)
         self._requests.clear()
 
+    def _hold(self, events: Events) -> None:
+        arrays = (events.t, events.x, events.y, events.p)
+        blocks = {id(block): block.nbytes for block in (array if array.base is None else array.base for array in arrays)}
+        if sum(blocks.values()) >= PINNED_MAX * _event_bytes(events):
+            events = Events(*(array.copy() for array in arrays), events.width, events.height)
+        self._held.append(events)
+        self._held_bytes += BATCH_BYTES + _event_bytes(events)
+
     def _is_using_held(self) -> bool:
         """Whether `ready` integrates the oldest events, since a stamp after them waits."""
         return bool(self._requests) and not self._is_ahead_of_reset and self._requests[0] > self._held[0].t[0]
@@ -135,11 +147,12 @@ class SynchronisedReconstruction:
         """Integrate the first `count` events of the oldest batch and let go of them."""
         batch = self._held.popleft()
         self._filter.integrate(batch[:count])
-        rest = batch[count:]
-        self._held_bytes -= _size(batch) - _size(rest)
-        if len(rest):
-            self._held.appendleft(rest)
+        self._held_bytes -= _event_bytes(batch[:count])
+        if count < len(batch):
+            self._held.appendleft(batch[count:])
+        else:
+            self._held_bytes -= BATCH_BYTES
 
 
-def _size(events: Events) -> int:
+def _event_bytes(events: Events) -> int:
     return events.t.nbytes + events.x.nbytes + events.y.nbytes + events.p.nbytes

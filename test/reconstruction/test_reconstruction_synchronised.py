@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter, ReconstructionError, SynchronisedReconstruction
+from etd_ros.reconstruction.synchronised import BATCH_BYTES
 
 WIDTH, HEIGHT = 10, 8
 EVENT_BYTES = 13
@@ -105,11 +107,21 @@ def test_live_and_offline_orders_give_the_same_images(steps, cuts, picks, lag):
 
 
 def test_events_nobody_asks_for_are_held_in_bounded_memory():
-    sync = reconstruction(held_bytes_max=100 * EVENT_BYTES)
+    room = 2 * BATCH_BYTES + 100 * EVENT_BYTES
+    sync = reconstruction(held_bytes_max=room)
     for batch in range(20):
         sync.push(events_at(np.arange(40) + 1_000 * batch))
-        assert sync.held_bytes <= 100 * EVENT_BYTES
+        assert sync.held_bytes <= room
     assert sync.integrated_early == 20 * 40 - 80
+
+
+def test_what_is_held_keeps_no_larger_arrays_from_being_used_again():
+    lent = [np.zeros(1 << 16, dtype) for dtype in (np.int64, np.uint16, np.uint16, np.uint8)]
+    freed = [weakref.ref(array) for array in lent]
+    sync = reconstruction()
+    sync.push(Events(*(array[:10] for array in lent), WIDTH, HEIGHT))
+    lent.clear()
+    assert [array() for array in freed] == [None] * 4
 
 
 def test_a_stamp_whose_events_were_integrated_early_still_gets_an_image():
@@ -166,7 +178,8 @@ def test_a_late_stamp_of_the_old_stream_does_not_stop_the_new_one():
 
 
 def test_stamps_that_stepped_back_do_not_wait_forever_for_a_reset():
-    sync = reconstruction(held_bytes_max=100 * EVENT_BYTES)
+    room = 2 * BATCH_BYTES + 100 * EVENT_BYTES
+    sync = reconstruction(held_bytes_max=room)
     sync.push(events_at([1_000, 2_500]))
     sync.request(2_000)
     assert len(list(sync.ready())) == 1
@@ -175,7 +188,7 @@ def test_stamps_that_stepped_back_do_not_wait_forever_for_a_reset():
         sync.request(1_000 + number)
         sync.push(events_at(np.arange(40) + 3_000 + 100 * number))
         found += [stamp_ns for stamp_ns, _ in sync.ready()]
-        assert sync.held_bytes <= 100 * EVENT_BYTES
+        assert sync.held_bytes <= room
     assert found == list(range(1_000, 1_020))
 
 
