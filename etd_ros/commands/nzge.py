@@ -21,7 +21,7 @@ from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError, Frame, FrameEnd, NoiseFilterConfig, nzge
 from etd_ros.conversion.calibration import frame_data
-from etd_ros.engine import CONVERSIONS, FrameSource
+from etd_ros.engine import CONVERSIONS, FrameSource, nzge_interval
 from etd_ros.events import Events, concatenate
 from etd_ros.output_files import check_outputs, write_beside, written_beside
 from etd_ros.plots import NzgeCurve, check_matplotlib, nzge_png
@@ -64,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
     """
     _check_options(options)
     settings = read_settings(options.config, options.set)
+    interval = nzge_interval(options.conversion, settings)
     summary = _Summary(options.from_s, options.frames if options.plot else 0)
     with ExitStack() as stack:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
@@ -83,9 +84,9 @@ def run(options: argparse.Namespace) -> int:
             msg = f"{options.recording}: no frame is finished in it: record longer, or lower atsltd.nzge_interval"
             raise ConversionError(msg)
         if options.plot is not None:
-            curve = summary.curve(settings.atsltd.nzge_interval)
+            curve = summary.curve(interval)
             write_beside(options.plot, nzge_png(curve, options.recording.name))
-    print(summary.text(settings.atsltd.nzge_interval), end="")
+    print(summary.text(interval), end="")
     return 0
 
 

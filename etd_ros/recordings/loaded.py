@@ -42,7 +42,8 @@ class LoadedRecording:
     """An `EventSource` whose events and images are in memory, 13 bytes an event.
 
     Args:
-        packets: one or more decoded messages in the order recorded.
+        packets: one or more decoded messages in the order recorded; also those without events, as their numbers tell
+            that no message was lost.
         images: the video frames in order of time.
     """
 
@@ -61,9 +62,9 @@ class LoadedRecording:
         """
         clock = SensorClock()
         packets: list[Packet] = [
-            (clock.to_ros(packet), packet.seq, packet.encoding) for packet in recording.packets() if len(packet.events)
+            (clock.to_ros(packet), packet.seq, packet.encoding) for packet in recording.packets()
         ]
-        if not packets:
+        if not any(len(events) for events, _, _ in packets):
             msg = f"{recording.path}: holds no events: record while something moves before the camera"
             raise RecordingError(msg)
         return cls(packets, list(recording.images()))
@@ -92,7 +93,7 @@ class LoadedRecording:
         packets: list[Packet] = []
         for events, seq, encoding in self._packets:
             rest = events[int(np.searchsorted(events.t, stamp_ns)) :]
-            if len(rest):
+            if packets or len(rest):
                 packets.append((rest, seq, encoding))
         if not packets:
             msg = f"the recording holds no events from {stamp_ns} ns on: start earlier"

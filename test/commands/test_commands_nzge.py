@@ -14,7 +14,8 @@ import pytest
 
 from etd_ros.cli import main
 from etd_ros.commands.nzge import frames_with_events, growth
-from etd_ros.conversion import AtsltdConverter, FixedWindowConverter, FrameEnd
+from etd_ros.conversion import AtsltdConfig, AtsltdConverter, FixedWindowConverter, FrameEnd
+from etd_ros.conversion.atsltd import PAPER_INTERVAL
 from etd_ros.conversion.calibration import frame_data
 from etd_ros.engine import FrameSource
 from etd_ros.events import Events
@@ -90,6 +91,13 @@ def test_frames_of_other_kinds_have_curves_too(capsys, demo, place):
         frames = [frame for batch in recording.streams() for frame in converter.convert(batch.events)]
     assert [row["end"] for row in rows_of(place / "curve.csv")] == ["window"] * len(frames)
     assert f"{len(frames)} by window" in capsys.readouterr().out
+
+
+def test_fine_frames_are_held_against_their_own_interval(capsys, demo):
+    assert main(["nzge", str(demo), "--conversion", "atsltd_fine"]) == 0
+    low, high = PAPER_INTERVAL
+    share = AtsltdConfig().fine_share
+    assert f"[alpha, beta] = [{share * low:.4f}, {share * high:.4f}]: 0 below" in capsys.readouterr().out
 
 
 def test_noise_is_filtered_once_and_before_the_frames(capsys, demo):

@@ -44,10 +44,18 @@ def test_what_comes_before_a_time_is_passed_over_without_a_copy(data):
         loaded.since(int(events.t[-1]) + 1)
 
 
-def test_lost_messages_are_still_seen():
-    def packet(stamp_ns: int, seq: int):
-        one = np.ones(1, np.uint16)
-        return Events(np.array([stamp_ns]), one, one, one.astype(np.uint8), 4, 4), seq, "mono"
+def packet(stamp_ns: int, seq: int):
+    one = np.ones(1, np.uint16)
+    return Events(np.array([stamp_ns]), one, one, one.astype(np.uint8), 4, 4), seq, "mono"
 
+
+def test_messages_without_events_are_not_taken_for_lost():
+    recording = LoadedRecording([packet(1, 0), (Events.empty(4, 4), 1, "mono"), packet(3, 2), packet(4, 3)], [])
+    assert [batch.restart for batch in recording.streams()] == [None] * 3
+    assert [batch.restart for batch in recording.since(1).since(1).streams()] == [None] * 3
+    assert [batch.events.t.tolist() for batch in recording.since(2).streams()] == [[3], [4]]
+
+
+def test_lost_messages_are_still_seen():
     restarts = [batch.restart for batch in LoadedRecording([packet(1, 0), packet(2, 1), packet(3, 5)], []).streams()]
     assert restarts == [None, None, Restart.GAP]
