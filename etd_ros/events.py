@@ -174,5 +174,5 @@ def check_pixel_map(width: int, height: int) -> None:
     """
     check_sensor_size(width, height)
     if width * height > SENSOR_PIXELS_MAX:
-        msg = f"sensor size {width}x{height} is above {SENSOR_PIXELS_MAX} pixels: the recording or message is damaged"
+        msg = f"sensor size {width}x{height} is impossible: no sensor has more than {SENSOR_PIXELS_MAX} pixels"
         raise EventsError(msg)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -15,11 +15,12 @@ class OutputError(EtdError):
     """An output that cannot be written."""
 
 
-def check_outputs(*outputs: Path | None) -> None:
+def check_outputs(*outputs: Path | None, inputs: Iterable[Path | None] = ()) -> None:
     """Refuse files that cannot be written, before the work rather than after it; None is passed over.
 
     Raises:
-        OutputError: an output is no regular file, two are the same, or a folder is missing or not writable.
+        OutputError: an output is no regular file, two are the same, one is an input as well, or a folder is missing or
+            not writable.
     """
     named = [output for output in outputs if output is not None]
     for output in named:
@@ -30,6 +31,11 @@ def check_outputs(*outputs: Path | None) -> None:
     if len({output.resolve() for output in named}) < len(named):
         msg = f"{named[0]}: two outputs have one name: name them apart"
         raise OutputError(msg)
+    read = {path.resolve() for path in inputs if path is not None}
+    for output in named:
+        if output.resolve() in read:
+            msg = f"{output}: is read, and would be overwritten: name the output otherwise"
+            raise OutputError(msg)
 
 
 def write_beside(path: Path, content: bytes | str) -> None:

@@ -181,7 +181,7 @@ def _ordered_length(t: npt.NDArray[np.int64], latest_ns: int) -> int:
 
 @borrowing_kernel
 def _clamp(t: npt.NDArray[np.int64], latest_ns: int, step_back_max_ns: int, may_stop: bool) -> tuple[int, int]:
-    """Raise times to the latest before them, in place, up to the first step back that is too long, if it may stop there.
+    """Raise times to the latest before them, in place; up to the first step back that is too long, if it may stop.
 
     Returns:
         (index of that step back, or the length; number of times raised).

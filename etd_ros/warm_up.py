@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.conversion import FixedCountConfig, NoiseFilterConfig
+from etd_ros.conversion import BackgroundActivityFilter, FixedCountConfig, NoiseFilterConfig
 from etd_ros.engine import CONVERSIONS, FrameSource
 from etd_ros.events import Events
 from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
@@ -55,7 +55,11 @@ def _decode() -> None:
 
 
 def _convert() -> None:
-    settings = Settings(noise_filter=NoiseFilterConfig(window_s=1.0), fixed_count=FixedCountConfig(count=500))
+    # Times of a window of more than two seconds do not fit 32 bits, which makes another kernel.
+    for window_s in (1.0, 3.0):
+        noise_filter = BackgroundActivityFilter(SENSOR_SIDE, SENSOR_SIDE, NoiseFilterConfig(window_s=window_s))
+        noise_filter.filter(_moving_square())
+    settings = Settings(fixed_count=FixedCountConfig(count=500))
     for conversion in CONVERSIONS:
         list(FrameSource(conversion, SENSOR_SIDE, SENSOR_SIDE, settings).frames(_moving_square()))
 

@@ -57,3 +57,10 @@ def test_two_outputs_of_one_name_are_refused(tmp_path):
     check_outputs(tmp_path / "a", tmp_path / "b")
     with pytest.raises(OutputError, match="one name"):
         check_outputs(tmp_path / "a", tmp_path / "folder" / ".." / "a")
+
+
+def test_an_output_that_is_read_as_well_is_refused(tmp_path):
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text("labelled for hours")
+    with pytest.raises(OutputError, match="boxes.csv: is read, and would be overwritten"):
+        check_outputs(tmp_path / "other.csv", tmp_path / "." / "boxes.csv", inputs=[None, boxes])

@@ -166,7 +166,7 @@ def _check_options(options: argparse.Namespace) -> None:
     if not 0 < options.significance < 1:
         msg = f"--significance {options.significance:g} is out of range: give a number between 0 and 1, as in 0.05"
         raise ConversionError(msg)
-    check_outputs(options.output, options.sheet, options.histogram)
+    check_outputs(options.output, options.sheet, options.histogram, inputs=[options.recording])
     if options.histogram is not None:
         check_matplotlib()
 

@@ -150,7 +150,7 @@ def _check_options(options: argparse.Namespace) -> None:
     if not math.isfinite(options.from_s):
         msg = f"--from {options.from_s} is no time: give seconds since the first frame's start"
         raise ConversionError(msg)
-    check_outputs(options.output, options.plot)
+    check_outputs(options.output, options.plot, inputs=[options.recording])
     if options.plot is not None:
         check_matplotlib()
 

@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
         PlotError: Matplotlib is missing, or there are too many targets.
         OutputError: the plot cannot be written.
     """
-    check_outputs(options.output)
+    check_outputs(options.output, inputs=(options.tracks, options.boxes))
     check_matplotlib()
     of_targets = overlaps(read_tracks(options.tracks), read_boxes(options.boxes))
     write_beside(options.output, overlap_png(of_targets, options.tracks.name))

@@ -82,7 +82,8 @@ def run(options: argparse.Namespace) -> int:
     is_engines = system_named(options.method).feed == "engine"
     if not is_engines:
         _check_compared(options)
-    check_outputs(options.output, options.video, options.plot)
+    inputs = (options.recording, options.targets, options.truth)
+    check_outputs(options.output, options.video, options.plot, inputs=inputs)
     if options.rerun is not None:
         check_rerun(options.rerun)
     if options.plot is not None:

@@ -124,10 +124,9 @@ class SynchronisedReconstruction:
         self._requests.clear()
 
     def _hold(self, events: Events) -> None:
-        arrays = (events.t, events.x, events.y, events.p)
-        blocks = {id(block): block.nbytes for block in (array if array.base is None else array.base for array in arrays)}
-        if sum(blocks.values()) >= PINNED_MAX * _event_bytes(events):
-            events = Events(*(array.copy() for array in arrays), events.width, events.height)
+        if _pinned_bytes(events) >= PINNED_MAX * _event_bytes(events):
+            t, x, y, p = events.t.copy(), events.x.copy(), events.y.copy(), events.p.copy()
+            events = Events(t, x, y, p, events.width, events.height)
         self._held.append(events)
         self._held_bytes += BATCH_BYTES + _event_bytes(events)
 
@@ -156,3 +155,10 @@ class SynchronisedReconstruction:
 
 def _event_bytes(events: Events) -> int:
     return events.t.nbytes + events.x.nbytes + events.y.nbytes + events.p.nbytes
+
+
+def _pinned_bytes(events: Events) -> int:
+    """Bytes of the arrays that a batch's own are views of, which may have one block in common."""
+    views: list[npt.NDArray[np.generic]] = [events.t, events.x, events.y, events.p]
+    blocks = [view.base if isinstance(view.base, np.ndarray) else view for view in views]
+    return sum({id(block): block.nbytes for block in blocks}.values())

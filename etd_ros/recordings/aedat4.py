@@ -10,7 +10,7 @@ from typing import Any
 import aedat
 import numpy as np
 
-from etd_ros.events import Events, check_sensor_size
+from etd_ros.events import Events, check_pixel_map
 from etd_ros.recordings.interface import (
     FRAME_ID,
     RecordedImage,
@@ -49,7 +49,7 @@ class Aedat4Recording(Recording):
             raise RecordingError(msg)
         size = streams[self._event_stream]
         self.width, self.height = int(size["width"]), int(size["height"])
-        check_sensor_size(self.width, self.height)
+        check_pixel_map(self.width, self.height)
         self.topics = tuple(
             TopicInfo(str(key), stream["type"], encoding=ENCODING if key == self._event_stream else None)
             for key, stream in sorted(streams.items())

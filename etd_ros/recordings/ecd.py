@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from etd_ros.events import SENSOR_PIXELS_MAX, Events, check_sensor_size
+from etd_ros.events import SENSOR_PIXELS_MAX, Events, check_pixel_map
 from etd_ros.recordings.interface import (
     FRAME_ID,
     RecordedImage,
@@ -29,7 +29,8 @@ CHUNK_BYTES = 1 << 18
 LINE_BYTES_MIN = len("0 0 0 0\n")
 ENCODING = "text"
 FRACTION_DIGITS = 9
-SECONDS_MAX = 9_000_000_000
+SECONDS_MAX = 2**62 // 1_000_000_000 - 1
+"""The year 2116: later stamps are no seconds, and above those that conversion takes in nanoseconds."""
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 PNG_HEAD = struct.Struct(">8s8xII")
 """Magic number, start of the first chunk, width, height."""
@@ -60,7 +61,7 @@ class EcdRecording(Recording):
         self._skip = len(first) if header else 0
         image = next(self.images(), None)
         self.width, self.height = size or header or (image.data.shape[1::-1] if image else DAVIS240_SIZE)
-        check_sensor_size(self.width, self.height)
+        check_pixel_map(self.width, self.height)
         images = (TopicInfo("images", IMAGE_LIST),) if image else ()
         self.topics = (TopicInfo("events", "events.txt", encoding=ENCODING), *images)
 

@@ -61,9 +61,7 @@ class LoadedRecording:
             RecordingError: it is damaged, or holds no events.
         """
         clock = SensorClock()
-        packets: list[Packet] = [
-            (clock.to_ros(packet), packet.seq, packet.encoding) for packet in recording.packets()
-        ]
+        packets: list[Packet] = [(clock.to_ros(packet), packet.seq, packet.encoding) for packet in recording.packets()]
         if not any(len(events) for events, _, _ in packets):
             msg = f"{recording.path}: holds no events: record while something moves before the camera"
             raise RecordingError(msg)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from etd_ros.events import EventsError, check_sensor_size
+from etd_ros.events import EventsError, check_pixel_map
 from etd_ros.recordings.interface import Recording, RecordingError
 
 SUPPORTED = ".bag, .mcap, .db3, a ROS 2 bag's folder, .aedat4, .raw, an events.txt or its folder"
@@ -24,7 +24,7 @@ def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[in
     """
     path = Path(path)
     if size is not None:
-        check_sensor_size(*size)
+        check_pixel_map(*size)
     try:
         return _open(path, topic, size)
     except OSError as err:

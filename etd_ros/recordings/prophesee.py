@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from etd_ros.events import check_sensor_size
+from etd_ros.events import check_pixel_map
 from etd_ros.recordings.interface import Recording, RecordingError, TopicInfo, file_packets
 from msg_adapters import EventMessage, Evt2Decoder, Evt3Decoder, Evt21Decoder, WordDecoder
 
@@ -47,7 +47,7 @@ class PropheseeRecording(Recording):
         # Sensors whose evt2.1 words come with their 32-bit halves swapped say so by this option.
         self._halves_swapped = _format_options(header).get("endianness") == "legacy"
         self.width, self.height = size or _geometry(path, header)
-        check_sensor_size(self.width, self.height)
+        check_pixel_map(self.width, self.height)
         if not has_words:
             msg = f"{path}: empty: no events follow its header; copy the file again"
             raise RecordingError(msg)

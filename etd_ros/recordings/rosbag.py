@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from rosbags import rosbag1, rosbag2
 
+from etd_ros.events import EventsError, check_pixel_map
 from etd_ros.recordings.interface import RecordedImage, RecordedMessage, Recording, RecordingError, TopicInfo
 from msg_adapters import (
     EVENT_TYPES,
@@ -64,7 +65,8 @@ class RosBagRecording(Recording):
         for number, message in enumerate(self._raw({self.topic})):
             try:
                 packet = decoder.decode(message.data)
-            except MessageError as err:
+                check_pixel_map(packet.events.width, packet.events.height)
+            except (MessageError, EventsError) as err:
                 msg = f"{self.path}: message {number} of {self.topic}: {err}"
                 raise RecordingError(msg) from err
             yield packet

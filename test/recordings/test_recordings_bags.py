@@ -155,6 +155,11 @@ def test_a_message_cut_short_is_an_error_that_names_it(tmp_path):
     assert f"message 3 of {EVENT_TOPIC}" in message
 
 
+def test_a_message_of_a_size_that_no_sensor_has_is_an_error_that_names_it(tmp_path):
+    bag = write_ros2_bag(tmp_path / "bag", packets(random_events(200, width=60_000, height=1_000), 100))
+    assert f"message 0 of {EVENT_TOPIC}: sensor size 60000x1000 is impossible" in error_of(bag)
+
+
 def test_a_break_is_raised_when_it_is_reached(tmp_path):
     stored = packets(EVENTS, 100)
     stored[5] = (stored[5][0], b"")

@@ -14,7 +14,7 @@ from recording_writers import DATA, evt2_words, evt3_words, evt21_words, random_
 
 from etd_ros.events import EventsError, concatenate
 from etd_ros.recordings import RecordedImage, RecordingError, open_recording
-from etd_ros.recordings.ecd import _parse_lines
+from etd_ros.recordings.ecd import SECONDS_MAX, _parse_lines
 
 EVENTS = random_events(3000, step_ns=100_000)
 RAW_HEADERS = {
@@ -101,6 +101,7 @@ def test_a_listed_image_that_is_missing_is_an_error(tmp_path):
         "1e-3 1 2 1",
         "0.5 70000 2 1",
         "99999999999 1 2 1",
+        f"{SECONDS_MAX + 1}.0 1 2 1",
     ],
 )
 def test_a_line_that_is_no_event_is_named(tmp_path, line):
@@ -122,7 +123,7 @@ def test_the_text_parser_never_writes_more_than_there_is_room_for(text):
 @settings(deadline=None, max_examples=100)
 @given(
     st.lists(
-        st.tuples(st.integers(0, 2**62), st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 1)),
+        st.tuples(st.integers(0, SECONDS_MAX * 10**9), st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 1)),
         min_size=1,
         max_size=5,
     )

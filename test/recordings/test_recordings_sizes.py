@@ -14,8 +14,9 @@ def test_a_raw_file_of_an_impossible_size_is_named(tmp_path, size):
         open_recording(path)
 
 
-def test_a_text_of_an_impossible_size_is_named(tmp_path):
+@pytest.mark.parametrize("size", ["70000x5", "60000x60000"])
+def test_a_text_of_an_impossible_size_is_named(tmp_path, size):
     path = tmp_path / "odd.txt"
-    path.write_text("70000 5\n1.0 1 1 1\n")
-    with pytest.raises(RecordingError, match="odd.txt: sensor size 70000x5 is impossible"):
+    path.write_text(f"{size.replace('x', ' ')}\n1.0 1 1 1\n")
+    with pytest.raises(RecordingError, match=f"odd.txt: sensor size {size} is impossible"):
         open_recording(path)
