@@ -152,7 +152,7 @@ def other_types(node: Node, endpoint: Publisher | Subscription) -> list[str]:
     topic, own = endpoint.topic_name, type_name_of(endpoint.msg_type)
     others = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
     return [
-        f"{topic} is {own} here, but {info.topic_type} at {_full_name(info)}, so nothing arrives: remap one of the two"
+        f"{topic} is {own} here, but {info.topic_type} at {full_name(info)}, so nothing arrives: remap one of the two"
         for info in others
         if info.topic_type != own
     ]
@@ -163,7 +163,8 @@ def type_name_of(kind: Any) -> str:
     return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
 
 
-def _full_name(info: TopicEndpointInfo) -> str:
+def full_name(info: TopicEndpointInfo) -> str:
+    """Name and namespace of the node that publishes or subscribes."""
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 

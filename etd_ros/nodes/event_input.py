@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from etd_ros.nodes.base import EtdNode
-from etd_ros.nodes.connections import EVENT_QOS, Arrivals, Input
+from etd_ros.nodes.connections import EVENT_QOS, Arrivals, Input, full_name
 from etd_ros.settings import Settings
 from etd_ros.stream import Restart, StreamBatch, StreamCounters, StreamGuard
 from msg_adapters import EVENT_TYPES, EventMessage, Layout, MessageError, SensorClock, decoder_for
@@ -153,23 +154,34 @@ class EventInput:
 
     def diagnostics(self) -> dict[str, object]:
         """Counters for /diagnostics."""
-        return {**self.counters.diagnostics(), "reading events": self.subscribed}
+        return {
+            **self.counters.diagnostics(),
+            "reading events": self.subscribed,
+            "event publishers": ", ".join(map(full_name, self._publishers())),
+        }
 
     def _poll(self) -> None:
         if not self._node.is_wanted():
             self._unsubscribe()
-        elif self._subscription is None:
-            self._subscribe()
-        elif (types := self._published_types()) and self._type_name not in types:
+            return
+        publishers = self._publishers()
+        if len(publishers) > 1:
+            self._node.warn(
+                f"{self._topic} has {len(publishers)} publishers ({', '.join(map(full_name, publishers))}): messages "
+                "seem lost where they take turns: have one publish there, and remap or stop the rest"
+            )
+        types = {info.topic_type for info in publishers}
+        if self._subscription is None:
+            self._subscribe(types)
+        elif types and self._type_name not in types:
             # Another publisher has taken the first one's place.
             self._unsubscribe()
-            self._subscribe()
+            self._subscribe(types)
 
-    def _published_types(self) -> set[str]:
-        return {info.topic_type for info in self._node.get_publishers_info_by_topic(self._topic)}
+    def _publishers(self) -> list[TopicEndpointInfo]:
+        return sorted(self._node.get_publishers_info_by_topic(self._topic), key=full_name)
 
-    def _subscribe(self) -> None:
-        types = self._published_types()
+    def _subscribe(self, types: set[str]) -> None:
         is_unseen = not types and _sees_only_what_it_reads()
         known = [UNSEEN_TYPE] if is_unseen else sorted(types & EVENT_TYPES)
         if not known:

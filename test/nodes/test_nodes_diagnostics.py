@@ -85,6 +85,20 @@ def test_gaps_and_steps_back_in_time_are_counted(bench):
     assert bench.figure("accumulator", "level") in ("WARN", "STALE")
 
 
+def test_two_publishers_of_events_are_named(bench, repository):
+    bench.listen("/accumulator/frames", Image)
+    publisher = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    bench.start("accumulator", ros=REMAP)
+    bench.wait_until(lambda: bench.figure("accumulator", "event publishers") == "/bench", "there is one")
+    assert "publishers" not in bench.log("accumulator")
+    replay = bench.start("replay", str(repository / "bags" / "demo"), "--loop")
+    bench.wait_until(lambda: bench.figure("accumulator", "event publishers") == "/bench, /replay", "there are two")
+    bench.wait_until(lambda: f"{EVENTS} has 2 publishers (/bench, /replay)" in bench.log("accumulator"), "it warns")
+    bench.node.destroy_publisher(publisher)
+    bench.wait_until(lambda: bench.figure("accumulator", "event publishers") == "/replay", "one is left")
+    assert replay.poll() is None
+
+
 def test_what_is_late_is_left_out_of_the_images_and_counted(bench):
     bench.listen("/pipeline/detections", Detection2DArray)
     publisher = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
