@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
+from etd_ros.boxes import Box
 from etd_ros.conversion import ENTROPY_TARGETS
 from etd_ros.engine import CONVERSIONS, FrameSource, SearchRegions, nzge_interval
 from etd_ros.nodes.base import EtdNode
@@ -93,7 +95,15 @@ class Accumulator(EtdNode):
         self.worker.submit_request(self._take_regions, message)
 
     def _take_regions(self, message: bytes) -> None:
-        self._regions.boxes = [detection.box for detection in decode_detections(message).detections] or None
+        boxes = [detection.box for detection in decode_detections(message).detections]
+        regions = [box for box in boxes if _is_region(box)]
+        self._regions.boxes = regions or None
+        if wrong := len(boxes) - len(regions):
+            self.errors += wrong
+            self.warn(
+                f"{self._region_input.topic_name}: {wrong} box(es) are left out, as their edges are not finite or hold "
+                f"no area: remap it to the tracker's search regions ({self.errors} so far)"
+            )
 
     def _check_tracker(self) -> None:
         """A tracker that is gone does not look anywhere any more."""
@@ -108,6 +118,12 @@ class Accumulator(EtdNode):
             self._figures.note(frame)
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=message.frame_id))
             self.latencies.note(received_s)
+
+
+def _is_region(box: Box) -> bool:
+    """Whether a box has finite edges and an area; how much of it is on the sensor does not matter."""
+    edges = (box.x, box.y, box.x + box.w, box.y + box.h)
+    return all(map(math.isfinite, edges)) and box.w > 0 and box.h > 0
 
 
 def main() -> int:

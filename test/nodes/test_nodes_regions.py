@@ -1,5 +1,6 @@
 """NZGE in the targets' search regions, with the accumulator and the tracker in two processes."""
 
+import math
 from collections.abc import Iterator
 
 import pytest
@@ -11,13 +12,13 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.engine import Step, track
 from etd_ros.events import Events, concatenate
-from etd_ros.nodes.connections import EVENT_QOS
+from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
 from etd_ros.recordings import open_recording
 from etd_ros.settings import settings_from_mapping
 from etd_ros.stream import StreamBatch
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import TargetState
-from msg_adapters import decode_detections, decode_image, encode_event_packet
+from msg_adapters import Detection, decode_detections, decode_image, encode_detections, encode_event_packet
 
 EVENTS = "/event_camera/events"
 REGIONS = "/tracker/search_regions"
@@ -86,6 +87,33 @@ def test_frames_are_measured_round_a_lost_target_as_offline_until_its_tracker_en
         assert [tuple(region.box) for region in message.detections] == [pytest.approx(BOX.scaled(1.5))]
     assert bench.end("tracker") == 0
     bench.wait_until(lambda: bench.figure("accumulator", "search regions") == "0", "the accumulator forgets the region")
+
+
+def test_search_regions_that_cannot_be_are_left_out_and_counted_and_frames_go_on(bench, events):
+    bench.listen("/accumulator/frames", Image)
+    source = bench.node.create_publisher(EventPacket, EVENTS, EVENT_QOS)
+    regions = bench.node.create_publisher(Detection2DArray, REGIONS, FRAME_QOS)
+    bench.start("accumulator", ros=ACCUMULATOR)
+    bench.wait_until(
+        lambda: source.get_subscription_count() == regions.get_subscription_count() == 1, "both topics are read"
+    )
+
+    def send(*boxes: Box) -> None:
+        detections = [Detection("", box, 1.0, "") for box in boxes]
+        regions.publish(encode_detections(detections, stamp_ns=0, frame_id=""))
+
+    wrong = [Box(math.nan, 1, 10, 10), Box(1, 1, math.inf, 10), Box(1e308, 1, 1e308, 10), Box(1, 1, 0, 10)]
+    send(*wrong, BOX)
+    bench.wait_until(lambda: bench.figure("accumulator", "errors") == "4", "they are counted")
+    assert bench.next_figure("accumulator", "search regions") == "1"
+    send(*wrong)
+    bench.wait_until(lambda: bench.figure("accumulator", "errors") == "8", "they are counted again")
+    assert bench.next_figure("accumulator", "search regions") == "0"
+    for message in messages_of(events, 0):
+        source.publish(message)
+    bench.wait_until(lambda: bool(bench.messages["/accumulator/frames"]), "frames come")
+    assert f"{REGIONS}: 4 box(es) are left out" in bench.log("accumulator")
+    assert bench.next_figure("accumulator", "errors") == "8"
 
 
 def test_no_search_regions_before_a_target_has_started(bench, events):
