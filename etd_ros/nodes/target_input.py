@@ -146,7 +146,7 @@ class TargetInput:
         """What a frame brought: remembered, and said in the log where clicks start nothing."""
         self._memory.note(stamp_ns, reports)
         for notice in tracker.take_notices():
-            self._node.get_logger().warning(notice)
+            self._node.warn(notice)
         self._clock.note(stamp_ns)
         self._lost.note(stamp_ns, reports)
         self._in_tracker = {*tracker.targets, *tracker.waiting_clicks}

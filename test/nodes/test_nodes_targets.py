@@ -10,6 +10,8 @@ from etd_ros.evaluation import read_boxes
 from etd_ros.nodes.connections import FRAME_QOS
 from msg_adapters import Detection, PointMessage, decode_detections, encode_detections, encode_point
 
+CLICKS = 40
+
 
 def test_targets_off_the_sensor_or_too_early_are_counted_and_the_others_are_tracked(bench, repository):
     targets = "far:9000,9000,5,5;flat:10,10,0,5;early:20,20,100,80@5;near:20,20,100,80"
@@ -73,3 +75,19 @@ def test_a_click_starts_what_moves_there_and_one_beside_the_sensor_is_counted(be
     points.publish(encode_point(PointMessage(0, "", *box.center)))
     bench.wait_until(lambda: detections_of(bench) == {"point_2"}, "what was clicked is tracked")
     bench.wait_until(lambda: bench.figure("pipeline", "targets") == "1", "it is counted among the targets")
+
+
+def test_clicks_that_start_nothing_do_not_flood_the_log(bench, repository):
+    bench.listen("/pipeline/detections", Detection2DArray)
+    bench.start("pipeline", ros=("-r", "~/events:=/event_camera/events", "-p", "discovery.click_wait_s:=0.2"))
+    points = bench.node.create_publisher(PointStamped, "/pipeline/clicked_point", FRAME_QOS)
+    bench.wait_until(lambda: points.get_subscription_count() == 1, "clicks are taken")
+    for _ in range(CLICKS):
+        points.publish(encode_point(PointMessage(0, "", 5, 175)))
+    points.publish(encode_point(PointMessage(0, "", 9000, 10)))
+    bench.start("replay", str(repository / "bags" / "demo"), "--loop")
+    bench.wait_until(lambda: bench.figure("pipeline", "errors") == "1", "the last one, off the sensor, is counted")
+    frames = len(bench.messages["/pipeline/detections"])
+    bench.wait_until(lambda: len(bench.messages["/pipeline/detections"]) > frames + 1000, "all others have waited")
+    lines = [line for line in bench.log("pipeline").splitlines() if "nothing has moved there" in line]
+    assert 1 <= len(lines) < CLICKS // 4
