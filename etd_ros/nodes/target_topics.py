@@ -17,14 +17,15 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.afterglow import Afterglow, LastImage
 from etd_ros.boxes import Box
 from etd_ros.cadence import Cadence
+from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.node_parameters import NodeOptions
 from etd_ros.nodes.rerun_output import RerunOutput
 from etd_ros.nodes.worker import Task
 from etd_ros.overlay import draw_overlay
 from etd_ros.parameters import ParameterError, parameter
-from etd_ros.targets import TargetError, targets_from_text
-from etd_ros.tracking import DEFAULT_METHOD, METHODS, TargetReport, TargetState
+from etd_ros.targets import targets_from_text
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, TargetReport, TargetState, check_target
 from msg_adapters import (
     Detection,
     DiagnosticStatus,
@@ -68,8 +69,9 @@ class TrackingOptions(NodeOptions):
     def __post_init__(self) -> None:
         NodeOptions.__post_init__(self)  # not super(): slots make another class of this one
         try:
-            targets_from_text(self.targets)
-        except TargetError as err:
+            for target in targets_from_text(self.targets):
+                check_target(target.name, target.box, target.stamp_ns)
+        except EtdError as err:
             msg = f"parameter targets: {err}"
             raise ParameterError(msg) from err
 

@@ -62,6 +62,7 @@ def test_what_cannot_be_is_refused_before_the_node_is_configured_too(bench, node
     for name, value, reason in (
         ("targets", "bad", "'bad' is not NAME:X,Y,W,H"),
         ("targets", "ball:1,2,3,4;ball:1,2,3,4", "given twice"),
+        ("targets", "ball:1,2,3,4;dot:10,10,0.5,0.5", "box of target 'dot' (x 10, y 10, w 0.5, h 0.5) is too small"),
         ("method", "best", "choose one of"),
         ("image_wait_s" if node == "tracker" else "queue_s", -1.0, "range"),
     ):
@@ -74,7 +75,16 @@ def test_what_cannot_be_is_refused_before_the_node_is_configured_too(bench, node
     assert "later.csv" in bench.log(node)
 
 
-def test_targets_that_cannot_be_end_the_start_with_one_line(bench):
-    assert bench.start("tracker", ros=("-p", "targets:=bad")).wait(timeout=60) == 2
+@pytest.mark.parametrize(
+    ("targets", "reason"),
+    [
+        ("bad", "'bad' is not NAME:X,Y,W,H"),
+        ("ball:nan,1,2,3", "box of target 'ball' (x nan, y 1, w 2, h 3) is not finite"),
+        ("ball:10,10,30,30;flat:10,10,30,0", "box of target 'flat' (x 10, y 10, w 30, h 0) has no area"),
+        ("a,b:10,10,30,30", "target name 'a,b' is unusable"),
+    ],
+)
+def test_targets_that_cannot_be_end_the_start_with_one_line(bench, targets, reason):
+    assert bench.start("tracker", ros=("-p", f"targets:={targets}")).wait(timeout=60) == 2
     (line,) = [line for line in bench.log("tracker").splitlines() if line.startswith("etd_ros:")]
-    assert "'bad' is not NAME:X,Y,W,H" in line
+    assert reason in line
