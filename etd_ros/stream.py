@@ -43,6 +43,8 @@ class Restart(str, Enum):
     ENCODING = "the encoding changed"
     GAP = "messages were lost"
     """The publisher's sequence number did not go up by one (where it went back with the time, a bag loops)."""
+    PAUSE = "nobody read for a while"
+    """A node reads no events while nobody wants what it makes, or while it is not active."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,7 +91,8 @@ class EventDecoding:
         for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding):
             if self._resumes:
                 self._resumes = False
-                batch = dataclasses.replace(batch, restart=Restart.GAP)
+                counters.stream.restarts += 1
+                batch = dataclasses.replace(batch, restart=Restart.PAUSE)
             yield decoded, batch
 
 
@@ -219,7 +220,8 @@ class EventInput:
     def _decode(self, decoding: EventDecoding, message: bytes, received_s: float) -> None:
         for decoded, batch in decoding.decode(message):
             if batch.restart is not None:
-                self._node.warn(f"the event stream starts anew: {batch.restart.value}")
+                say = self._node.get_logger().info if batch.restart is Restart.PAUSE else self._node.warn
+                say(f"the event stream starts anew: {batch.restart.value}")
             self._handle(decoded, batch, received_s)
 
 

@@ -101,3 +101,7 @@ def test_frames_come_again_after_a_pause(bench, repository):
     frames.clear()
     assert bench.change_state("accumulator", "activate")
     bench.wait_until(lambda: len(frames) > 20, "frames come again")
+    assert bench.next_figure("accumulator", "stream restarts") == "1"
+    log = bench.log("accumulator")
+    assert "the event stream starts anew: nobody read for a while" in log
+    assert "messages were lost" not in log

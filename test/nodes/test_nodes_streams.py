@@ -8,7 +8,7 @@ from vision_msgs.msg import Detection2DArray
 
 from etd_ros.events import Events
 from etd_ros.nodes.connections import EVENT_QOS
-from etd_ros.nodes.event_input import EventDecoding
+from etd_ros.nodes.event_input import EventCounters, EventDecoding
 from etd_ros.settings import Settings
 from etd_ros.stream import Restart
 from msg_adapters import decode_detections, decode_image, encode_event_packet
@@ -37,14 +37,16 @@ def rounds(stamps: list[int]) -> list[list[int]]:
 
 def test_reading_again_after_a_pause_starts_a_new_stream():
     settings = Settings()
-    first = EventDecoding(PACKET, settings, resumes=False)
+    counters = EventCounters()
+    first = EventDecoding(PACKET, settings, resumes=False, counters=counters)
     assert [batch.restart for number in range(2) for _, batch in first.decode(packet(10 * number, number))] == [
         None
     ] * 2
     # The clock may have gone back meanwhile, which the new decoder cannot know.
-    again = EventDecoding(PACKET, settings, resumes=True)
+    again = EventDecoding(PACKET, settings, resumes=True, counters=counters)
     restarts = [batch.restart for number in range(2) for _, batch in again.decode(packet(5 + number, 7 + number))]
-    assert restarts == [Restart.GAP, None]
+    assert restarts == [Restart.PAUSE, None]
+    assert (counters.stream.restarts, counters.stream.gaps) == (1, 0)
 
 
 def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository):
