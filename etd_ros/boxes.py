@@ -17,6 +17,9 @@ BoxArray = npt.NDArray[np.float64]
 SIDE_MIN_PX = 2.0
 """Shortest side of a box that a target starts at: of what is thinner no edge can be told from the one across."""
 
+NUMBER_MAX_PX = 1e6
+"""Farther away, or larger, nothing that a sensor sees can be; sums and products of such numbers stay finite."""
+
 
 class BoxError(EtdError):
     """A box that no object on this sensor can have."""
@@ -60,7 +63,7 @@ class Box(NamedTuple):
         """Refuse a box that cannot hold an object of a width x height sensor.
 
         Raises:
-            BoxError: not finite, or no area.
+            BoxError: not finite, beyond a million pixels, or no area.
             OffSensorError: not one pixel on the sensor.
         """
         self._check_area(name)
@@ -72,7 +75,7 @@ class Box(NamedTuple):
         """Refuse a box that no target can start at, on whatever sensor.
 
         Raises:
-            BoxError: not finite, no area, or a side below SIDE_MIN_PX.
+            BoxError: not finite, beyond a million pixels, no area, or a side below SIDE_MIN_PX.
         """
         self._check_area(name)
         if self.w < SIDE_MIN_PX or self.h < SIDE_MIN_PX:
@@ -85,6 +88,9 @@ class Box(NamedTuple):
     def _check_area(self, name: str) -> None:
         if not all(map(math.isfinite, self)):
             msg = f"{self._text(name)} is not finite: give four numbers in pixels"
+            raise BoxError(msg)
+        if max(map(abs, self)) > NUMBER_MAX_PX:
+            msg = f"{self._text(name)} is impossible: give numbers up to {NUMBER_MAX_PX:g} pixels"
             raise BoxError(msg)
         if self.w <= 0 or self.h <= 0:
             msg = f"{self._text(name)} has no area: width and height must be above 0"

@@ -55,6 +55,8 @@ def test_scaling_keeps_the_centre(box, factor):
         (Box(100, 0, 5, 5), "off the 100x80 sensor"),
         (Box(0, -5, 5, 5), "off the 100x80 sensor"),
         (Box(float("nan"), 0, 5, 5), "not finite"),
+        (Box(-1.5e307, 0, 1.7e308, 30), "impossible: give numbers up to 1e\\+06 pixels"),
+        (Box(0, 0, 1e155, 30), "impossible"),
     ],
 )
 def test_boxes_that_hold_no_object_are_refused(box, words):

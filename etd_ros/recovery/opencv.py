@@ -232,7 +232,11 @@ class OpenCvRecovery:
         tracker = self._make_tracker()
         tracker.init(cv2.cvtColor(exemplar.context, cv2.COLOR_GRAY2BGR), exemplar.context_box)
         surroundings = cv2.cvtColor(crop(window, column, row, (columns, rows)), cv2.COLOR_GRAY2BGR)
-        answered, (x, y, w, h) = tracker.update(surroundings)
+        try:
+            answered, (x, y, w, h) = tracker.update(surroundings)
+        except cv2.error:
+            # CSRT cannot take what is some fifteen times as long as wide.
+            return box
         if not answered or w <= 0 or h <= 0:
             return box
         return Box(x + column - columns / 2, y + row - rows / 2, float(w), float(h))

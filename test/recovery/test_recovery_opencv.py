@@ -170,6 +170,13 @@ def test_any_box_is_survived_and_what_is_found_lies_on_the_image(x, y, w, h, see
         assert 0.75 <= found.score <= 1.0
 
 
+@pytest.mark.parametrize("size", [(8, 150), (10, 160), (5, 80)])
+def test_what_is_much_longer_than_wide_is_found(size):
+    box = Box(120 - size[0] // 2, 90 - size[1] // 2, *size)
+    image = scene(texture(1, 40, 36), box)
+    assert_near(after_a_loss(image, box).search(image, box), box)
+
+
 def test_images_that_are_not_grey_are_refused():
     tracker = make_recovery(RecoveryConfig(tracker="csrt"))()
     for image in (np.zeros((9, 9, 3), np.uint8), np.zeros((9, 9), np.float32), np.zeros((0, 9), np.uint8)):
