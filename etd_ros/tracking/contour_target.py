@@ -24,7 +24,14 @@ from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.target import FrameData, RecoveryFactory, TargetReport, TargetState, TrackerConfig
+from etd_ros.tracking.target import (
+    FrameData,
+    RecoveryFactory,
+    TargetReport,
+    TargetState,
+    TrackerConfig,
+    starts_again,
+)
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
 SEARCH_MARGIN = 1.5
@@ -180,8 +187,9 @@ class ContourTarget:
             self._follow(stamp_ns)
 
     def time_went_back(self, stamp_ns: int) -> None:
-        """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""
-        if self.start_stamp_ns > 0:
+        """The stream starts again with a frame of this stamp (ns): wait for the start again if it is still to come, or
+        go on."""
+        if starts_again(self.start_stamp_ns, stamp_ns):
             self._wait_for_start()
             return
         self._contours.stamp_ns = self._updated_ns = stamp_ns
@@ -248,7 +256,8 @@ class ContourTarget:
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
             look = self._look_here()
         x, y = contours.predicted(stamp_ns)
-        if look.events < EVENTS_MIN:
+        is_doubted = self._usual.confidence(look) < CONFIDENCE_OK
+        if look.events < EVENTS_MIN or (is_doubted and contours.sees_noise(self._surface)):
             self._go_without_events(stamp_ns, elapsed_s)
             return
         self._quiet_s = 0.0
@@ -376,11 +385,16 @@ class ContourTarget:
             moving = moving_on(contours, stamp_ns)
             self._failing_s = 0.0
             self._fail(stamp_ns)
-            self._held = Held(contours.box, moving, stamp_ns, self._surface)
+            if self._state is TargetState.RECOVERING:
+                self._held = Held(contours.box, moving, stamp_ns, self._surface)
             return
+        elif self._failing_s > 0:
+            # What was doubted went on at its old speed while it slowed down: it has come less far.
+            contours.pose[:] = (contours.pose + self._before.pose) / 2
+            self._failing_s = 0.0
         contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns
-        if self._quiet_s > LEAVING_S or self._has_failed():
+        if self._quiet_s > LEAVING_S or self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
 
     def _doubt(self, elapsed_s: float) -> None:

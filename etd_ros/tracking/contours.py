@@ -264,6 +264,11 @@ class Contours:
         moved = min(max(self.speed_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
         return Look(x, y, score, events, moved, (direction[0], direction[1]))
 
+    def sees_noise(self, surface: TimeSurface) -> bool:
+        """Whether what a look has where the target should be is noise, so that it makes no events itself."""
+        box = self.box_at(*self.predicted(surface.stamp_ns))
+        return surface.shows_noise(surface.window(box, 0.0), self._span_s(surface.stamp_ns))
+
     def look_longer(self, events: float, stamp_ns: int) -> bool:
         """A look at a time (ns) had so few events: have the next one take those of more motion; whether it does."""
         span_s = self._span_s(stamp_ns)

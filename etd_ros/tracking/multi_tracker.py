@@ -198,8 +198,8 @@ class MultiTracker:
     def update(
         self, stamp_ns: int, frame: FrameData, image: FrameData | None = None, start_ns: int | None = None
     ) -> tuple[TargetReport, ...]:
-        """Take the next frame. A stamp below the last one starts the stream again: targets with a start stamp of
-        their own wait for it anew at their first box, those started "now" go on from their last box, and those started
+        """Take the next frame. A stamp below the last one starts the stream again: targets whose start stamp is
+        still to come then wait for it anew at their first box, all others go on from their last box, and those started
         by themselves are forgotten. What the starter starts on a frame is reported from the next one on.
 
         Args:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float32Array, gather, gather_newest, keep_times
 from etd_ros.tracking.flash import is_flash
+from etd_ros.tracking.strewn import are_strewn
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -82,6 +83,11 @@ class TimeSurface:
         """The events of a window that are at most so old, as points, and their number; valid until the next call."""
         oldest_ns = self.stamp_ns - int(duration_s * 1e9)
         return self._points, int(gather(self._times, self.stamp_ns, oldest_ns, *window, self._points))
+
+    def shows_noise(self, window: Window, duration_s: float) -> bool:
+        """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
+        oldest_ns = self.stamp_ns - int(duration_s * 1e9)
+        return bool(are_strewn(self._times, oldest_ns, *window))
 
     def newest(self, window: Window) -> tuple[Float32Array, int]:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next

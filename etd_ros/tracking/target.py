@@ -46,6 +46,16 @@ class TargetState(str, Enum):
     """It was not found for long, so images are searched now and then, or (no recovery) not at all."""
 
 
+LOOP_FRAME_NS = 100_000_000
+"""The first frame of a recording that loops ends so long after its beginning at most."""
+
+
+def starts_again(start_stamp_ns: int, stamp_ns: int) -> bool:
+    """Whether a target that started at a stamp of its own (ns; 0: "now") does so again where time has gone back to a
+    frame of another (ns): its start is still to come, or would have been within that frame."""
+    return start_stamp_ns > 0 and stamp_ns < start_stamp_ns + LOOP_FRAME_NS
+
+
 @dataclass(frozen=True, slots=True)
 class TrackerConfig(Parameters):
     """Parameters of tracking; the first two are the paper's."""
@@ -193,8 +203,9 @@ class Target:
         return self._report(self._recover(stamp_ns, image))
 
     def time_went_back(self, stamp_ns: int) -> None:
-        """The stream starts again at `stamp_ns` (ns): wait for the start again, or go on if that was "now"."""
-        if self.start_stamp_ns > 0:
+        """The stream starts again with a frame of this stamp (ns): wait for the start again if it is still to come, or
+        go on."""
+        if starts_again(self.start_stamp_ns, stamp_ns):
             self._wait_for_start()
         else:
             self._failed_at_ns = stamp_ns

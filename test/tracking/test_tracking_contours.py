@@ -264,6 +264,18 @@ def test_time_that_goes_back_starts_the_target_again():
     assert rounds[1][0][0].state is TargetState.IDLE
 
 
+def test_a_clock_that_is_set_back_throws_no_target_back_to_its_start():
+    scene = scene_of(Waypoint(0, 40, 90), Waypoint(2, 200, 90), duration_s=2.0)
+    frames, back_ns, before = frames_of(scene), 200_000_000, START_NS + 1_000_000_000
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
+    tracker.start("thing", scene.box("thing", 0.1), START_NS + 100_000_000)
+    for frame in frames:
+        since_ns = back_ns if frame.start_ns > before else 0
+        (report,) = tracker.update(frame.stamp_ns - since_ns, frame.data, start_ns=frame.start_ns - since_ns)
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, scene.box("thing", 2.0)) > 0.8
+
+
 def test_a_target_without_a_stamp_is_followed_on_when_time_goes_back():
     ways = (Waypoint(0, 100, 90), Waypoint(1, 112, 90))
     frames = frames_of(scene_of(*ways))

@@ -9,6 +9,7 @@ import pytest
 from etd_ros.boxes import Box, BoxError, iou
 from etd_ros.recovery import Found
 from etd_ros.tracking import MultiTracker, TargetReport, TargetState, TrackerConfig, TrackingError
+from etd_ros.tracking.target import LOOP_FRAME_NS
 
 WIDTH, HEIGHT = 240, 180
 FRAME_NS = 10_000_000
@@ -210,6 +211,15 @@ def test_time_going_back_starts_stamped_targets_again_and_keeps_the_others():
     assert second[0][0] == TargetReport("stamped", IDLE, None, 0.0)
     assert [stamped for stamped, _ in second] == [stamped for stamped, _ in first]
     assert all(iou(np.array([now.box]), moved(B, 8))[0] > 0.9 for _, now in second)
+
+
+def test_a_stamped_target_goes_on_where_time_goes_back_to_after_its_start():
+    tracker = tracker_with()
+    tracker.start("stamped", A, stamp(1))
+    for step in range(1, 9):
+        tracker.update(stamp(step) + LOOP_FRAME_NS, frame_with(moved(A, step)))
+    (report,) = tracker.update(stamp(2) + LOOP_FRAME_NS, frame_with(moved(A, 9)))
+    assert iou(np.array([report.box]), moved(A, 9))[0] > 0.9
 
 
 def test_after_time_went_back_a_recovering_target_has_the_full_time_again():
