@@ -10,7 +10,7 @@ import numpy as np
 from etd_ros.boxes import Box
 from etd_ros.tracking.clusters import Sighting
 from etd_ros.tracking.discovery import Discovery, shared
-from etd_ros.tracking.target import TargetState
+from etd_ros.tracking.target import TargetReport, TargetState
 
 UNSEEN_S = 0.13
 """A candidate that was not seen for longer is forgotten."""
@@ -133,14 +133,17 @@ class AutoTargets:
 
 
 class Absences:
-    """For how long each target has not been tracked."""
+    """For how long each target has not been seen."""
 
     def __init__(self) -> None:
         self._since_ns: dict[str, int] = {}
 
-    def absent_s(self, name: str, state: TargetState, stamp_ns: int) -> float:
-        """Take a target's state on a frame (ns); how long it has been like that, 0 while it is tracked."""
-        if state is TargetState.TRACKING or stamp_ns < self._since_ns.get(name, stamp_ns):
+    def absent_s(self, report: TargetReport, stamp_ns: int) -> float:
+        """Take a target's report on a frame (ns); for how long (s) it has not been seen: it is not tracked, or held at a
+        score of 0 where it vanished or stopped at once."""
+        name = report.name
+        is_seen = report.state is TargetState.TRACKING and report.score > 0
+        if is_seen or stamp_ns < self._since_ns.get(name, stamp_ns):
             self._since_ns.pop(name, None)
             return 0.0
         return (stamp_ns - self._since_ns.setdefault(name, stamp_ns)) * 1e-9

@@ -113,10 +113,13 @@ class MultiTracker:
             stamp_ns: tracking starts on the first frame at or after this time (ns), 0: on the next frame.
 
         Raises:
-            TrackingError: the name is unusable or taken, or the stamp is negative.
+            TrackingError: the name is unusable, taken, or that of a click that waits, or the stamp is negative.
             BoxError: the box is not finite, has a side below SIDE_MIN_PX or lies off the sensor.
         """
         self._check_free(name)
+        if name in self.waiting_clicks:
+            msg = f"target {name!r} waits for what moves at a click: stop it first or choose another name"
+            raise TrackingError(msg)
         self._targets[name] = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
 
     def start_again(self, name: str, box: Box, stamp_ns: int = 0) -> None:

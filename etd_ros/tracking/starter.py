@@ -106,9 +106,10 @@ class Starter:
             boxes += [box for _, box in changes.starts]
             own_room = self._config.max_targets - len(self._own)
             room = own_room if room is None else min(room, own_room)
+            taken = {report.name for report in reports} | {click.name for click in self.waiting_clicks}
+            taken |= {name for name, _ in changes.starts}
             changes.starts += [
-                (self._next_name({report.name for report in reports}), box)
-                for box in self._auto.ready(boxes, room + len(changes.stops))
+                (self._next_name(taken), box) for box in self._auto.ready(boxes, room + len(changes.stops))
             ]
         return changes
 
@@ -127,7 +128,7 @@ class Starter:
         for report in reports:
             is_gone = False
             if report.name in self._own:
-                absent_s = self._absences.absent_s(report.name, report.state, stamp_ns)
+                absent_s = self._absences.absent_s(report, stamp_ns)
                 is_twin = report.box is not None and any(are_twins(report.box, box) for box in before)
                 is_gone = is_twin or absent_s > self._config.gone_s
             if is_gone:

@@ -7,7 +7,8 @@ from etd_ros.boxes import Box, iou
 from etd_ros.engine import FrameSource, make_tracker
 from etd_ros.events import concatenate
 from etd_ros.settings import Settings
-from etd_ros.simulation import SUITE
+from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, simulate
+from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
 
 START_NS = 1_700_000_000_000_000_000
@@ -103,6 +104,36 @@ def test_a_target_that_has_left_is_dropped():
         tracker.update(stamp_ns + step * 20_000_000, np.zeros_like(frames[0].data))
     assert had
     assert not tracker.targets
+
+
+def test_what_vanished_behind_something_is_dropped():
+    rng = np.random.default_rng(5)
+    wall = 0.5 + 0.05 * smooth_noise(rng, 180, 240)
+    way = Path([Waypoint(0, 40, 90), Waypoint(0.6, 160, 90), Waypoint(0.9, 160, 90)])
+    thing = Sprite("thing", checks(rng, 24, 24, cell=6), np.ones((24, 24)), way)
+    panel = Sprite("panel", np.full((180, 80), 0.5), np.ones((180, 80)), Path([Waypoint(0, 175, 90)]), is_target=False)
+    scene = Scene(240, 180, 0.9, wall, (thing, panel))
+    tracker = tracker_of(scene, gone_s=0.1)
+    seen, held = set(), False
+    for frame in FrameSource("atsltd_fine", 240, 180, Settings()).frames(concatenate(list(simulate(scene, seed=1)))):
+        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+        seen |= {report.name for report in reports}
+        held |= any(report.score == 0 and report.state is TargetState.TRACKING for report in reports)
+    assert seen == {"auto_1"}
+    assert held
+    assert not tracker.targets
+
+
+def test_names_of_clicks_that_wait_are_not_given_to_anything_else(ball):
+    scene, frames = ball
+    tracker = make_tracker("etd-plus", scene.width, scene.height, Settings(), auto=True)
+    tracker.click(Click("auto_1", 235, 170))
+    with pytest.raises(TrackingError, match="'auto_1' waits for what moves at a click"):
+        tracker.start("auto_1", Box(10, 10, 20, 20))
+    for frame in frames:
+        tracker.update(frame.stamp_ns, frame.data)
+    assert list(tracker.targets) == ["auto_2"]
+    assert tracker.waiting_clicks == ["auto_1"]
 
 
 def test_what_started_by_itself_is_forgotten_when_time_goes_back(ball):
