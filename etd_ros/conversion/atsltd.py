@@ -20,6 +20,8 @@ from etd_ros.parameters import ParameterError, Parameters, parameter
 PAPER_INTERVAL = (0.0832, 0.0927)
 """[alpha, beta] from the paper's 100 sampled frames: `interval_from_statistics(mean=0.08795, std=0.02394, n=100)`."""
 
+NZGE_MIN = 1e-6
+"""Least alpha: a single event is more."""
 
 ENTROPY_SENSOR, ENTROPY_TARGETS = "sensor", "targets"
 
@@ -37,7 +39,7 @@ class AtsltdConfig(Parameters):
     nzge_interval: tuple[float, float] = parameter(
         PAPER_INTERVAL,
         "[alpha, beta]: a frame ends at NZGE >= alpha; above beta it is an overshoot",
-        low=1e-6,
+        low=NZGE_MIN,
         high=1.0,
     )
     cell_size: int = parameter(CELL_SIZE, "Side r of an entropy cell (pixels)", low=2, high=CELL_SIZE_MAX)
@@ -78,10 +80,10 @@ class AtsltdConfig(Parameters):
     def fine(self) -> AtsltdConfig:
         """The same for fine frames, which end at `fine_share` of the interval or after `fine_max_duration_s`, not
         before `fine_min_duration_s`."""
-        alpha, beta = self.nzge_interval
+        alpha, beta = (max(NZGE_MIN, self.fine_share * limit) for limit in self.nzge_interval)
         return dataclasses.replace(
             self,
-            nzge_interval=(self.fine_share * alpha, self.fine_share * beta),
+            nzge_interval=(alpha, beta),
             min_duration_s=self.fine_min_duration_s,
             max_duration_s=self.fine_max_duration_s,
         )

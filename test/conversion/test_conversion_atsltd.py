@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from etd_ros.conversion import AtsltdConfig, AtsltdConverter, BackgroundActivityFilter, ConversionError, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
+from etd_ros.conversion.atsltd import NZGE_MIN
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError
 
@@ -389,3 +390,8 @@ def test_empty_interval_is_refused():
 
 def test_default_interval_is_the_papers():
     assert AtsltdConfig().nzge_interval == (0.0832, 0.0927)
+
+
+def test_fine_frames_of_the_lowest_interval_have_one_as_well():
+    lowest = AtsltdConfig(nzge_interval=(NZGE_MIN, 2 * NZGE_MIN))
+    assert lowest.fine().nzge_interval == (NZGE_MIN, NZGE_MIN)
