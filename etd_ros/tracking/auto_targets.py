@@ -139,8 +139,8 @@ class Absences:
         self._since_ns: dict[str, int] = {}
 
     def absent_s(self, report: TargetReport, stamp_ns: int) -> float:
-        """Take a target's report on a frame (ns); for how long (s) it has not been seen: it is not tracked, or held at a
-        score of 0 where it vanished or stopped at once."""
+        """Take a target's report on a frame (ns); for how long it has not been seen (s): it is not tracked, or held at
+        a score of 0 where it vanished or stopped at once."""
         name = report.name
         is_seen = report.state is TargetState.TRACKING and report.score > 0
         if is_seen or stamp_ns < self._since_ns.get(name, stamp_ns):
