@@ -88,7 +88,7 @@ class Outcome:
 
 LEARNING_TURNS = 2
 LEFT_OUT = "events left out of images"
-LOSSES = ("dropped messages", "lost messages", "sequence gaps", "stream restarts", "decode errors", "errors")
+LOSSES = ("dropped messages", "lost messages", "sequence gaps", "steps back in time", "decode errors", "errors")
 """Keys of the node's diagnostics of which none may grow."""
 
 
