@@ -130,7 +130,11 @@ class EtdNode(LifecycleNode):
 
     def missing(self) -> list[str]:
         """What the node waits for, a sentence each."""
-        return [sentence for needed in self._inputs if (sentence := needed.missing(self)) is not None]
+        return self._missing(is_optional=False)
+
+    def lacking(self) -> list[str]:
+        """What the node goes on without until it comes, a sentence each."""
+        return self._missing(is_optional=True)
 
     # --- what they do it with
 
@@ -155,8 +159,17 @@ class EtdNode(LifecycleNode):
             kind, topic, callback, qos, raw=True, event_callbacks=reader_callbacks(self, resolved, qos)
         )
 
-    def needed_reader(self, kind: type, topic: str, provider: str, handle: Callable[[bytes, float], None]) -> Arrivals:
-        """A reader whose messages the node waits for; `handle` gets each with when it came (s, monotonic)."""
+    def needed_reader(
+        self,
+        kind: type,
+        topic: str,
+        provider: str,
+        handle: Callable[[bytes, float], None],
+        *,
+        is_optional: bool = False,
+    ) -> Arrivals:
+        """A reader whose messages the node waits for, or goes on without; `handle` gets each with when it came (s,
+        monotonic)."""
         arrivals = Arrivals()
         resolved = self.resolve_topic_name(topic)
 
@@ -178,6 +191,7 @@ class EtdNode(LifecycleNode):
                 provider,
                 arrivals,
                 wanted=self.is_wanted,
+                is_optional=is_optional,
             )
         )
         return arrivals
@@ -411,16 +425,20 @@ class EtdNode(LifecycleNode):
             return Level.STALE, self.phase.value
         losses = self.losses()
         new_losses, self._reported_losses = losses - self._reported_losses, losses
-        missing = self.missing()
+        missing, lacking = self.missing(), self.lacking()
         if missing:
-            return Level.STALE, "; ".join(missing)
+            return Level.STALE, "; ".join([*missing, *lacking])
         if not self.is_wanted():
             return Level.STALE, "idle: nobody reads what it makes, so it reads no events"
         level, words = self.level()
         if new_losses > 0:
-            return max(level, Level.WARN), f"{words}, with losses"
-        return level, words
+            level, words = max(level, Level.WARN), f"{words}, with losses"
+        return level, "; ".join([words, *lacking])
+
+    def _missing(self, *, is_optional: bool) -> list[str]:
+        inputs = [needed for needed in self._inputs if needed.is_optional == is_optional]
+        return [sentence for needed in inputs if (sentence := needed.missing(self)) is not None]
 
     def _remark(self) -> None:
-        self._remarks.say_what_is_missing(self.missing() if self.phase is Phase.ACTIVE else [])
+        self._remarks.say_what_is_missing([*self.missing(), *self.lacking()] if self.phase is Phase.ACTIVE else [])
         self._remarks.say_what_has_another_type(needed.topic for needed in self._inputs)

@@ -92,6 +92,7 @@ class Input:
         provider: which executable or driver brings it.
         arrivals: of its messages.
         wanted: whether the node reads it now.
+        is_optional: whether the node goes on without.
     """
 
     topic: str
@@ -100,6 +101,7 @@ class Input:
     provider: str
     arrivals: Arrivals
     wanted: Callable[[], bool]
+    is_optional: bool = False
 
     def missing(self, node: Node) -> str | None:
         """Why nothing comes, and the cure, in a sentence; None where it comes or is not wanted."""

@@ -129,10 +129,6 @@ class Pipeline(EtdNode):
         """How much went wrong so far."""
         return super().losses() + self._input.losses()
 
-    def missing(self) -> list[str]:
-        """What the node waits for."""
-        return [*super().missing(), *self._targets.missing()]
-
     def level(self) -> tuple[Level, str]:
         """As the targets fare."""
         return self._output.level()

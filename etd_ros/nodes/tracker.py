@@ -119,7 +119,11 @@ class Tracker(EtdNode):
         )
         if self._recovers:
             self._images = self.needed_reader(
-                Image, "reconstruction/image_raw", "start `ros2 run etd_ros reconstruction`", self._on_image
+                Image,
+                "reconstruction/image_raw",
+                "start `ros2 run etd_ros reconstruction`",
+                self._on_image,
+                is_optional=True,
             )
         ResetService(self, self._forget)
         self.every(FLUSH_PERIOD_S, self._flush)

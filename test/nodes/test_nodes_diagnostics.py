@@ -18,9 +18,10 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.events import Events
 from etd_ros.nodes.connections import EVENT_QOS, FRAME_QOS
 from etd_ros.nodes.remarks import KINDS_PER_PERIOD, Throttle
-from msg_adapters import Level, decode_diagnostics, encode_event_packet
+from msg_adapters import Level, decode_diagnostics, encode_event_packet, encode_image
 
 EVENTS = "/event_camera/events"
+S_NS = 1_000_000_000
 REMAP = ("-r", f"~/events:={EVENTS}")
 
 
@@ -167,7 +168,7 @@ def test_a_node_whose_output_nobody_reads_says_that_it_is_idle(bench, repository
     topic, kind = outputs.get(name, ("detections", Detection2DArray))
     arrivals: list[bytes] = []
     reader = bench.node.create_subscription(kind, f"/{name}/{topic}", arrivals.append, FRAME_QOS, raw=True)
-    bench.start(name, ros=(*REMAP, *(("-p", "targets:=ball:30,30,20,20") if name == "pipeline" else ())))
+    bench.start(name, ros=REMAP)
     if name == "reconstruction":
         bench.start("accumulator", ros=REMAP)
     bench.start("replay", str(repository / "bags" / "demo"), "--loop", "--wait-for", "1")
@@ -177,6 +178,43 @@ def test_a_node_whose_output_nobody_reads_says_that_it_is_idle(bench, repository
     assert bench.figure(name, "level") == "STALE"
     bench.listen(f"/{name}/{topic}", kind)
     bench.wait_until(lambda: bench.figure(name, "level") not in ("", "STALE"), "it works again")
+
+
+def test_a_pipeline_without_targets_runs_and_says_that_none_has_started(bench, repository):
+    bench.listen("/pipeline/frames", Image)
+    bench.start("pipeline", ros=REMAP)
+    bench.start("replay", str(repository / "bags" / "demo"), "--loop", "--wait-for", "1")
+    bench.wait_until(lambda: bench.figure("pipeline", "message") == "running, no target has started", "it says so")
+    assert bench.figure("pipeline", "level") == "OK"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "level", "words"),
+    [
+        (("targets:=cup:100,80,30,30@9000000000000000000",), "OK", "running, no target has started"),
+        (("targets:=cup:100,80,30,30", "tracking.recovering_max_s:=0.0"), "ERROR", "lost: cup"),
+    ],
+)
+def test_a_tracker_without_images_fares_as_its_targets_while_frames_come(bench, parameters, level, words):
+    # Of frames without events no box can be chosen.
+    names = ("method:=etd", *parameters)
+    bench.start("tracker", ros=tuple(word for name in names for word in ("-p", name)))
+    frames = bench.node.create_publisher(Image, "/accumulator/frames", FRAME_QOS)
+    stamps_ns = itertools.count(S_NS, 10_000_000)
+    no_images = "waiting for /reconstruction/image_raw (sensor_msgs/msg/Image, reliable): nobody publishes it"
+
+    def says() -> str:
+        empty = np.zeros((180, 240, 2), np.uint8)
+        frames.publish(encode_image(empty, stamp_ns=next(stamps_ns), frame_id="camera"))
+        bench.spin_once()
+        return bench.figure("tracker", "message")
+
+    bench.wait_until(lambda: says().startswith(f"{words}; {no_images}"), "it says how its targets fare, and what lacks")
+    assert bench.figure("tracker", "level") == level
+    bench.wait_until(lambda: bench.figure("tracker", "level") == "STALE", "no frame comes any more")
+    message = bench.figure("tracker", "message")
+    assert message.startswith("waiting for /accumulator/frames")
+    assert no_images in message
 
 
 def test_what_ros_cannot_take_in_is_counted_and_ends_no_node(bench):
