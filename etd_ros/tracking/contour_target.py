@@ -67,6 +67,8 @@ SPEED_S = 0.1
 """The usual speed is an average over this time."""
 EVENTS_FEW = 4.0
 """With so many events a target is not without: of more of its motion there may be enough for a look."""
+NOISE_S = 0.03
+"""Looks at noise alone for longer are those at a target without events; a single one may be at few of its own."""
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
@@ -220,7 +222,7 @@ class ContourTarget:
         self._first: tuple[Impression, UsualLooks] | None = None
         self._steady = SteadyMotion()
         self._confidence = 1.0
-        self._failing_s = self._quiet_s = self._usual_speed_px_s = 0.0
+        self._failing_s = self._quiet_s = self._noise_s = self._usual_speed_px_s = 0.0
         self._updated_ns = 0
         self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
@@ -256,8 +258,9 @@ class ContourTarget:
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
             look = self._look_here()
         x, y = contours.predicted(stamp_ns)
-        is_doubted = self._usual.confidence(look) < CONFIDENCE_OK
-        if look.events < EVENTS_MIN or (is_doubted and contours.sees_noise(self._surface)):
+        is_noise = self._usual.confidence(look) < CONFIDENCE_OK and contours.sees_noise(self._surface)
+        self._noise_s = self._noise_s + elapsed_s if is_noise else 0.0
+        if look.events < EVENTS_MIN or self._noise_s > NOISE_S:
             self._go_without_events(stamp_ns, elapsed_s)
             return
         self._quiet_s = 0.0

@@ -8,23 +8,27 @@ from numba import njit
 
 EXCESS_MAX = 0.25
 """Of the pixels that would be alone by chance, less than this share have a neighbour that fired as well."""
-BY_CHANCE_MAX = 0.75
-"""Where more have one by chance, that cannot be told."""
+RATE_MAX_HZ, SHARE_MAX = 1.5, 0.16
+"""Noise makes fewer events a pixel and second (of 240x180 pixels 65,000). And where more than this share of the pixels
+fire, too many have a neighbour by chance for that to tell."""
 
 
 @njit(cache=True, nogil=True)
-def are_strewn(times: npt.NDArray[np.int64], oldest_ns: int, top: int, bottom: int, left: int, right: int) -> bool:
-    """Whether the pixels of a window that fired after `oldest_ns` are few, and have hardly more neighbours among them
-    than by chance.
+def are_strewn(times: npt.NDArray[np.int64], now_ns: int, duration_s: float, top: int, bottom: int, left: int,
+               right: int) -> bool:  # fmt: skip
+    """Whether the pixels of a window that fired in a time until `now_ns` are few, and have hardly more neighbours among
+    them than by chance.
 
     Args:
         times: of each pixel's last events (ns), int64, shape (height, width, 2).
-        oldest_ns: when events begin to count (ns).
+        now_ns: until when events count (ns).
+        duration_s: for how long (s).
         top: first row.
         bottom: row after the last.
         left: first column.
         right: column after the last.
     """
+    oldest_ns = now_ns - int(duration_s * 1e9)
     fired = beside = 0
     for row in range(top, bottom):
         for column in range(left, right):
@@ -32,10 +36,12 @@ def are_strewn(times: npt.NDArray[np.int64], oldest_ns: int, top: int, bottom: i
                 continue
             fired += 1
             beside += _has_neighbour(times, oldest_ns, row, column, top, bottom, left, right)
-    if fired == 0:
-        return False
-    by_chance = 1.0 - (1.0 - fired / ((bottom - top) * (right - left))) ** 8
-    return by_chance < BY_CHANCE_MAX and beside < (by_chance + EXCESS_MAX * (1.0 - by_chance)) * fired
+    share = fired / max(1, (bottom - top) * (right - left))
+    by_chance = 1.0 - (1.0 - share) ** 8
+    return (
+        share < min(SHARE_MAX, RATE_MAX_HZ * duration_s)
+        and beside < (by_chance + EXCESS_MAX * (1.0 - by_chance)) * fired
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -86,8 +86,7 @@ class TimeSurface:
 
     def shows_noise(self, window: Window, duration_s: float) -> bool:
         """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
-        oldest_ns = self.stamp_ns - int(duration_s * 1e9)
-        return bool(are_strewn(self._times, oldest_ns, *window))
+        return bool(are_strewn(self._times, self.stamp_ns, duration_s, *window))
 
     def newest(self, window: Window) -> tuple[Float32Array, int]:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next

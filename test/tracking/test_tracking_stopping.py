@@ -39,7 +39,7 @@ def test_what_slows_down_and_stands_still_in_noise_keeps_its_box_and_state(size,
     found = tracked(scene, frames=frames_of(scene, noise_rate_hz=noise_rate_hz))
     at_rest = [(report, truth) for time_s, report, truth in found if time_s > 1.0]
     assert {report.state for report, _ in at_rest} == {TargetState.TRACKING}
-    assert min(overlap(report, truth) for report, truth in at_rest) > 0.87
+    assert min(overlap(report, truth) for report, truth in at_rest) > 0.85
 
 
 def test_what_stood_still_in_noise_is_followed_on():
