@@ -24,7 +24,7 @@ ALL_PEERS_ON = ("contours", "slider_depth")
 
 FRAME_PARTS: dict[Callable[[Stream, int], Iterator[Row]], tuple[str, ...]] = {
     frames.bare_maps: KINDS,
-    frames.readout: ("contours", "texture", "uniform"),
+    frames.readout: ("contours", "texture", "uniform", "flicker"),
     frames.high_pass: ("contours", "texture", "uniform"),
     frames.noise_filter: ("contours", "noisy contours", "uniform"),
 }
@@ -65,11 +65,13 @@ def event_path(effort: Effort, data: Path | None) -> Iterator[Row]:
         RecordingError: a recording is damaged.
         BenchmarkError: a recording holds no events.
     """
-    recordings = _recordings(effort, data) if data is not None else ()
+    recordings = list(_recordings(effort, data)) if data is not None else []
     for stream in chain(_streams(effort, KINDS), recordings):
         yield from frames.conversion(stream, effort.rounds, all_peers=stream.kind in ALL_PEERS_ON)
     for stream in _streams(effort, ("contours",), OTHER_RATES):
         yield from frames.conversion(stream, effort.rounds, all_peers=False)
+    for stream in recordings:
+        yield from frames.fine_conversion(stream, effort.rounds)
     for part, kinds in FRAME_PARTS.items():
         for stream in _streams(effort, kinds):
             yield from part(stream, effort.rounds)

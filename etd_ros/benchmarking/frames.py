@@ -1,4 +1,4 @@
-"""From events to frames, images and filtered events: conversion, bare_map, readout, high_pass, noise_filter."""
+"""From events to frames, images and filtered events: conversion(_fine), bare_map, readout, high_pass, noise_filter."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from etd_ros.benchmarking.comparing import MS, rows
 from etd_ros.benchmarking.references import bare_map
 from etd_ros.benchmarking.report import Row
 from etd_ros.benchmarking.streams import Stream
-from etd_ros.conversion import AtsltdConverter
+from etd_ros.conversion import AtsltdConfig, AtsltdConverter
 
 READOUT_ROUNDS_FACTOR = 20
 """A readout is so short that it needs more rounds."""
@@ -18,12 +18,21 @@ READOUT_ROUNDS_FACTOR = 20
 
 def conversion(stream: Stream, rounds: int, *, all_peers: bool) -> Iterator[Row]:
     """ATSLTD conversion against the peers, whose frames end where ours do, and against the bare map."""
+    yield from _conversion("conversion", stream, AtsltdConfig(), rounds, all_peers=all_peers)
+
+
+def fine_conversion(stream: Stream, rounds: int) -> Iterator[Row]:
+    """The same to fine frames, which `etd-plus` takes."""
+    yield from _conversion("conversion_fine", stream, AtsltdConfig().fine(), rounds, all_peers=False)
+
+
+def _conversion(what: str, stream: Stream, config: AtsltdConfig, rounds: int, *, all_peers: bool) -> Iterator[Row]:
     messages = stream.messages()
-    ends = _frame_ends(stream)
-    ours, events = subjects.conversion(messages), max(ends, default=0)
+    ends = _frame_ends(stream, config)
+    ours, events = subjects.conversion(messages, config), max(ends, default=0)
     # Without peers their fields are empty in one row; our own reference has a row in any case.
     for others in (peers.converters(messages, ends, all_peers=all_peers), [bare_map(messages)]):
-        yield from rows("conversion", stream, ours, others, rounds, frames=len(ends), events=events)
+        yield from rows(what, stream, ours, others, rounds, frames=len(ends), events=events)
 
 
 def bare_maps(stream: Stream, rounds: int) -> Iterator[Row]:
@@ -33,7 +42,7 @@ def bare_maps(stream: Stream, rounds: int) -> Iterator[Row]:
 
 def readout(stream: Stream, rounds: int) -> Iterator[Row]:
     """The end of a frame that holds as many events as the stream's first ATSLTD frame."""
-    count = min(_frame_ends(stream), default=len(stream.events))
+    count = min(_frame_ends(stream, AtsltdConfig()), default=len(stream.events))
     events = stream.events[:count]
     ours, others = subjects.readout(events), peers.readouts(events)
     yield from rows("readout", stream, ours, others, rounds * READOUT_ROUNDS_FACTOR, unit=MS, frames=1, events=count)
@@ -51,7 +60,7 @@ def noise_filter(stream: Stream, rounds: int) -> Iterator[Row]:
     yield from rows("noise_filter", stream, subjects.noise_filter(messages), others, rounds)
 
 
-def _frame_ends(stream: Stream) -> list[int]:
+def _frame_ends(stream: Stream, config: AtsltdConfig) -> list[int]:
     """After how many events each ATSLTD frame ends."""
-    converter = AtsltdConverter(stream.events.width, stream.events.height)
+    converter = AtsltdConverter(stream.events.width, stream.events.height, config)
     return list(accumulate(frame.events for events in stream.messages() for frame in converter.convert(events)))

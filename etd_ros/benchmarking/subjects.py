@@ -10,6 +10,7 @@ import numpy as np
 
 from etd_ros.benchmarking.measure import Subject
 from etd_ros.conversion import (
+    AtsltdConfig,
     AtsltdConverter,
     BackgroundActivityFilter,
     FixedWindowConfig,
@@ -26,9 +27,9 @@ NOISE_WINDOW_S = 0.002
 FRAME_NS_MIN = 1000
 
 
-def conversion(messages: Sequence[Events]) -> Subject:
+def conversion(messages: Sequence[Events], config: AtsltdConfig | None = None) -> Subject:
     """ATSLTD conversion to frames."""
-    converter = AtsltdConverter(messages[0].width, messages[0].height)
+    converter = AtsltdConverter(messages[0].width, messages[0].height, config)
 
     def convert(events: Events) -> None:
         for _ in converter.convert(events):
