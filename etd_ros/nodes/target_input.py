@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
 from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets_from_text, unique_targets
 from etd_ros.tracking import Click, MultiTracker, TargetReport, check_target
-from msg_adapters import DetectionsMessage, PointMessage, decode_detections, decode_point
+from msg_adapters import Detection, DetectionsMessage, PointMessage, decode_detections, decode_point
 
 MEMORY_PERIOD_S = 0.2
 SENSORS_SAID_MAX = 16
@@ -210,13 +211,16 @@ class TargetInput:
 
     def _take(self, decoded: DetectionsMessage) -> None:
         """Stop targets, and have others start on the next frame. Stops come first, as they make room."""
-        starts = []
+        wanted = []
         for detection in decoded.detections:
-            name = detection.id or detection.class_id
             if detection.box.w == 0 and detection.box.h == 0:
-                self._stop(name)
+                self._stop(detection.id or detection.class_id)
             else:
-                starts.append(TargetStart(name, detection.box, decoded.stamp_ns))
+                wanted.append(detection)
+        starts = [
+            TargetStart(name, detection.box, decoded.stamp_ns)
+            for name, detection in zip(names_of(wanted), wanted, strict=True)
+        ]
         if starts and self._is_ahead(decoded.stamp_ns):
             self._refuse_ahead(starts)
         else:
@@ -329,6 +333,27 @@ class TargetInput:
             self._numbers[kind] += 1
             name = f"{kind}_{self._numbers[kind]}"
         return name
+
+
+def names_of(detections: Sequence[Detection]) -> list[str]:
+    """What the boxes of a message are called: by their id, else by their class, and numbered from its second one on
+    (person, person_2, ...), so that two boxes are two targets; "" where a box has neither."""
+    taken = {detection.id for detection in detections}
+    numbered: dict[str, Iterator[str]] = {}
+    names = []
+    for detection in detections:
+        name = detection.id
+        if not name and detection.class_id:
+            candidates = numbered.setdefault(detection.class_id, _numbered(detection.class_id))
+            name = next(candidate for candidate in candidates if candidate not in taken)
+            taken.add(name)
+        names.append(name)
+    return names
+
+
+def _numbered(class_id: str) -> Iterator[str]:
+    yield class_id
+    yield from (f"{class_id}_{number}" for number in itertools.count(2))
 
 
 def _started(tracker: MultiTracker, target: TargetStart) -> EtdError | None:

@@ -17,6 +17,7 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.events import Events
 from etd_ros.nodes.connections import FRAME_QOS
+from etd_ros.nodes.target_input import names_of
 from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import (
@@ -197,6 +198,33 @@ def test_a_box_stamped_by_a_clock_that_is_ahead_is_refused_and_what_is_followed_
     assert states.keys() == {"ball", "drum", "later"}
     assert states["later"] == "idle", "those of the parameters may wait"
     assert states["ball"] != "idle"
+
+
+def test_boxes_of_a_class_without_ids_are_targets_of_their_own_and_start_again_with_the_next_message(bench, repository):
+    targets = start_looping(bench, repository)
+    boxes = [(BALL, "thing"), (DRUM, "thing"), (EMPTY_CORNER, "")]
+    detections = [Detection("", box, 1.0, class_id) for box, class_id in boxes]
+    targets.publish(encode_detections(detections, stamp_ns=0, frame_id=""))
+    bench.wait_until(lambda: states_of(bench).keys() == {"thing", "thing_2", "target_1"}, "all are followed")
+    targets.publish(encode_detections(detections[:2], stamp_ns=0, frame_id=""))
+    targets.publish(boxes_at(BALL, "last"))
+    bench.wait_until(lambda: "last" in states_of(bench), "the next message is taken")
+    assert states_of(bench).keys() == {"thing", "thing_2", "target_1", "last"}
+    assert errors(bench) == 0
+
+
+@pytest.mark.parametrize(
+    ("ids_and_classes", "names"),
+    [
+        ([("a", "cup"), ("b", "cup"), ("a", "cup")], ["a", "b", "a"]),
+        ([("", "cup"), ("", "can"), ("", "cup"), ("", "can")], ["cup", "can", "cup_2", "can_2"]),
+        ([("", "cup"), ("", "cup"), ("cup", ""), ("cup_3", "")], ["cup_2", "cup_4", "cup", "cup_3"]),
+        ([("", "cup_2"), ("", "cup"), ("", "cup")], ["cup_2", "cup", "cup_3"]),
+        ([("", ""), ("", "")], ["", ""]),
+    ],
+)
+def test_boxes_are_called_by_their_ids_or_else_by_their_classes_with_numbers(ids_and_classes, names):
+    assert names_of([Detection(name, BALL, 1.0, class_id) for name, class_id in ids_and_classes]) == names
 
 
 def test_a_box_for_a_later_time_of_a_looping_bag_waits_for_it_in_every_round(bench, repository):
