@@ -69,6 +69,7 @@ EVENTS_FEW = 4.0
 """With so many events a target is not without: of more of its motion there may be enough for a look."""
 NOISE_S = 0.03
 """Looks at noise alone for longer are those at a target without events; a single one may be at few of its own."""
+OVERSHOT_MAX_PX = 3.0
 STILL_S = 0.03
 """The velocity of a target without events decays with this time constant."""
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
@@ -392,13 +393,20 @@ class ContourTarget:
                 self._held = Held(contours.box, moving, stamp_ns, self._surface)
             return
         elif self._failing_s > 0:
-            # What was doubted went on at its old speed while it slowed down: it has come less far.
-            contours.pose[:] = (contours.pose + self._before.pose) / 2
-            self._failing_s = 0.0
+            self._come_less_far()
         contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns
         if self._quiet_s > LEAVING_S or self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
+
+    def _come_less_far(self) -> None:
+        """What slowed down while it was doubted went on at its old speed: it is half way between there and where it was
+        before, unless that is so far that something else has drawn its box along."""
+        contours = self._contours
+        middle = (contours.pose + self._before.pose) / 2
+        if math.hypot(*(middle - contours.pose)[:2].tolist()) <= OVERSHOT_MAX_PX:
+            contours.pose[:] = middle
+            self._failing_s = 0.0
 
     def _doubt(self, elapsed_s: float) -> None:
         """Count a look that failed, and note where things stood before the first."""
