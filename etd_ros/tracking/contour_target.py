@@ -17,12 +17,12 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch, Standing
-from etd_ros.tracking.contours import FAST_SIZES_PER_S, WAIT_MIN_S, Contours, Impression, Look
+from etd_ros.tracking.contours import Contours, Impression, Look
 from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
+from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, WAIT_MIN_S
 from etd_ros.tracking.start_up import StartUp
-from etd_ros.tracking.steady_motion import SteadyMotion
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import (
     FrameData,
@@ -33,6 +33,7 @@ from etd_ros.tracking.target import (
     starts_again,
 )
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
+from etd_ros.tracking.usual_motion import UsualMotion
 
 SEARCH_MARGIN = 1.5
 """Width and height of the region that drives the frames, in those of the box (the paper's tau)."""
@@ -47,9 +48,6 @@ CHANGING_PX, TRUST_MIN = 1.0, 0.1
 """A look that is doubted still teaches, by what trust is left, if it finds the target this near to where it should be:
 then it changes, rather than something else being in its place."""
 KNOWN_MIN = 0.3
-JUMP_MIN_PX, JUMP_RATE, JUMPS, JUMP_SPEEDS = 0.5, 0.08, 4.0, 2.0
-"""A look that finds the target farther from where it should be than JUMPS times what is usual (an average that looks
-renew by JUMP_RATE; JUMP_MIN_PX at least) is of something else, unless motion by so many times the speed explains it."""
 CONFIDENCE_STEADY = 0.9
 """From where on a look says how the target usually moves; below, one that strays from that is doubted."""
 COVERED_AFTER_S = 0.5
@@ -63,8 +61,6 @@ FORGIVING = 2.0
 VANISHING_PX_S, VANISHING_SHARE = 20.0, 0.75
 """A target that is faster than this, and than this share of its usual speed, does not come to a halt at once."""
 SPEED_OUT_PX_S = 10.0
-SPEED_S = 0.1
-"""The usual speed is an average over this time."""
 EVENTS_FEW = 4.0
 """With so many events a target is not without: of more of its motion there may be enough for a look."""
 NOISE_S = 0.03
@@ -114,7 +110,7 @@ class ContourTarget:
         self._refinement: BoxRefinement | None
         self._images: ImageSearch
         self._usual: UsualLooks
-        self._steady: SteadyMotion
+        self._motion: UsualMotion
         self._confidence: float
         self._held: Held | None
         self._sure: Standing | None
@@ -207,7 +203,7 @@ class ContourTarget:
             self._refinement.time_went_back(stamp_ns)
         self._sure = None
         self._failing_s = self._quiet_s = 0.0
-        self._steady.forget()
+        self._motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._before = Standing.of(self._contours)
             self._search_from(stamp_ns, has_left=False)
@@ -221,14 +217,13 @@ class ContourTarget:
         self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
         self._usual = UsualLooks()
         self._first: tuple[Impression, UsualLooks] | None = None
-        self._steady = SteadyMotion()
+        self._motion = UsualMotion()
         self._confidence = 1.0
-        self._failing_s = self._quiet_s = self._noise_s = self._usual_speed_px_s = 0.0
+        self._failing_s = self._quiet_s = self._noise_s = 0.0
         self._updated_ns = 0
         self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
-        self._usual_jump_px = JUMP_MIN_PX
         self._held = None
         self._sure = None
 
@@ -266,7 +261,7 @@ class ContourTarget:
             return
         self._quiet_s = 0.0
         self._leaving_velocity = contours.velocity.copy()
-        self._usual_speed_px_s += (1 - math.exp(-elapsed_s / SPEED_S)) * (contours.speed_px_s - self._usual_speed_px_s)
+        self._motion.learn_speed(contours.speed_px_s, elapsed_s)
         self._confidence = self._usual.confidence(look)
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.
@@ -288,15 +283,15 @@ class ContourTarget:
         trust = 1.0 - doubt
         jump_px = math.hypot(look.x - x, look.y - y)
         if strays and doubt > 0:
-            contours.go_on_at(self._steady.velocity, doubt * min(1.0, elapsed_s / STEADYING_S))
+            contours.go_on_at(self._motion.steady.velocity, doubt * min(1.0, elapsed_s / STEADYING_S))
         contours.follow(self._surface, x + trust * (look.x - x), y + trust * (look.y - y), trust)
         if doubt == 0:
             self._failing_s = max(0.0, self._failing_s - FORGIVING * elapsed_s)
             self._usual.learn(look)
-            self._usual_jump_px += JUMP_RATE * (min(jump_px, JUMP_MIN_PX) - self._usual_jump_px)
+            self._motion.learn_jump(jump_px)
             self._settling = max(0, self._settling - 1)
         if not self._settling and (doubt == 0 or (trust > TRUST_MIN and jump_px < CHANGING_PX)):
-            sees_covers = self._steady.seen_s >= COVERED_AFTER_S
+            sees_covers = self._motion.steady.seen_s >= COVERED_AFTER_S
             contours.adapt(self._surface, elapsed_s, trust, sees_covers=sees_covers)
         if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
@@ -320,17 +315,12 @@ class ContourTarget:
         self._usual = copy.copy(usual)
         self._sure = None
         self._settling = SETTLING_LOOKS
-        self._quiet_s = self._usual_speed_px_s = 0.0
-        self._usual_jump_px = JUMP_MIN_PX
-        self._steady.forget()
+        self._quiet_s = 0.0
+        self._motion = UsualMotion()
         self._confidence = found.score
 
     def _look_here(self) -> Look:
         return self._contours.look(self._surface, any_motion=self._settling > 0)
-
-    @property
-    def _jump_max_px(self) -> float:
-        return max(JUMP_MIN_PX, JUMPS * self._usual_jump_px)
 
     def _plausible(self, look: Look, stamp_ns: int) -> float:
         """How far a target with this motion could be from where it should be, in parts of how far the look finds it; at
@@ -340,21 +330,19 @@ class ContourTarget:
         contours = self._contours
         x, y = contours.predicted(stamp_ns)
         unsure_s = (stamp_ns - contours.stamp_ns) * 1e-9 + self._failing_s
-        speed_px_s = max(contours.speed_px_s, self._usual_speed_px_s)
-        could_px = self._jump_max_px + JUMP_SPEEDS * speed_px_s * unsure_s
-        return could_px / max(could_px, math.hypot(look.x - x, look.y - y))
+        return self._motion.plausible(math.hypot(look.x - x, look.y - y), contours.speed_px_s, unsure_s)
 
     def _doubt_if_it_strays(self, look: Look, stamp_ns: int, elapsed_s: float) -> bool:
         """Doubt a look that finds the target changed where following it would change how the target usually moves:
         what covers it draws its box along. Whether it is such a look."""
         if self._settling:
-            self._steady.forget()
+            self._motion.steady.forget()
             return False
         velocity = self._contours.velocity_to(look.x, look.y, stamp_ns)
         if self._confidence >= CONFIDENCE_STEADY:
-            self._steady.learn(velocity, elapsed_s)
+            self._motion.steady.learn(velocity, elapsed_s)
             return False
-        plausible = self._steady.plausible(velocity)
+        plausible = self._motion.steady.plausible(velocity)
         self._confidence *= plausible
         return plausible < 1
 
@@ -385,7 +373,7 @@ class ContourTarget:
         contours = self._contours
         if self._is_leaving():
             self._quiet_s += elapsed_s
-        elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._usual_speed_px_s):
+        elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._motion.speed_px_s):
             moving = moving_on(contours, stamp_ns)
             self._failing_s = 0.0
             self._fail(stamp_ns)
@@ -461,7 +449,7 @@ class ContourTarget:
             self._surface,
             self._usual,
             self._before,
-            self._usual_speed_px_s,
+            self._motion.speed_px_s,
             stamp_ns,
             has_left=has_left,
             has_gap=has_gap,
@@ -486,7 +474,7 @@ class ContourTarget:
         elif search.is_unsettled:
             self._settling = SETTLING_LOOKS
         self._state = TargetState.TRACKING
-        self._steady.forget()
+        self._motion.steady.forget()
         self._held = None
         self._failing_s = self._quiet_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score

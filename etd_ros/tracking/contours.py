@@ -13,6 +13,7 @@ from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import normalise, splat
 from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64Array, arm_cells, score_at, search
+from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, LookPace
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.model_box import ModelBox
@@ -30,25 +31,7 @@ KEPT_MARGIN_PX = 10.0
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
 """How much of a misfit is a misfit of the rate."""
 SCALE_LIMITS = (0.2, 5.0)
-EVENTS_MIN = 25
-"""Fewer new events than this are not worth a look."""
-EVENTS_SHARE = 0.3
-"""A look waits for this share of the events that a pixel of motion brings."""
-WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
-WAIT_MIN_PX, WAIT_MAX_PX = 0.6, 1.5
-"""A look waits for so much time or motion of the target's own, whatever ends the frames; its box moves on meanwhile.
-After the longer ones it does not wait for events."""
-WAIT_FAST_SIZES, WAIT_FAST_S = 0.045, 0.002
-"""A look at what is fast waits for motion by this share of its size, too, or so long: more of them teach what covers
-it."""
 SPAN_MIN_S = 0.002
-MOTION_SEEN_MIN_PX = 0.5
-"""Events for each pixel of motion are counted as if there were at least so much of it."""
-EVENTS_WANTED, WINDOW_MAX_PX = 30.0, 8.0
-"""A fast target that has fewer events than this in `window_px` of its motion is looked at with those of more, up to
-this."""
-FAST_SIZES_PER_S = 8.0
-"""What moves faster than this does not come to a halt at once."""
 OUTLINE_GAIN, OUTLINE_TRUST_MIN = 0.3, 0.5
 """How much of what lies beyond a fast target's box is taken into it by a look, if that is trusted by so much."""
 VELOCITY_PX = 2.0
@@ -123,8 +106,7 @@ class Contours:
         self._arm_cells = arm_cells(rows, columns)
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
-        self._events_per_px: float | None = None
-        self._events_waiting = 0
+        self._pace = LookPace(config.window_px, config.window_max_s)
 
     def box_at(self, x: float, y: float) -> Box:
         """The target's box if its centre is there (pixels)."""
@@ -144,13 +126,6 @@ class Contours:
     def speed_px_s(self) -> float:
         """How fast the target moves (pixels/s)."""
         return math.hypot(*self.velocity.tolist())
-
-    @property
-    def _window_px(self) -> float:
-        """The events of how much motion are looked at together (pixels)."""
-        usual_px = self.config.window_px
-        wanted_px = min(WINDOW_MAX_PX, EVENTS_WANTED / self._events_per_px) if self._events_per_px else usual_px
-        return wanted_px if wanted_px > usual_px and self.is_fast else usual_px
 
     @property
     def sizes_per_s(self) -> float:
@@ -201,22 +176,12 @@ class Contours:
         """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
         box = self.box_at(*self.predicted(surface.stamp_ns)).scaled(MARGIN)
         new = surface.keep(surface.window(box, KEPT_MARGIN_PX))
-        self._events_waiting += new
+        self._pace.wait_with(new)
         return new
 
     def is_due(self, stamp_ns: int) -> bool:
         """Whether it is time for a look; the events for the next one count from then on."""
-        elapsed_s = self._since_s(stamp_ns)
-        moved_px = self.speed_px_s * elapsed_s
-        if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
-            return False
-        if elapsed_s < WAIT_FAST_S and FAST_SIZES_PER_S < self.sizes_per_s < WAIT_FAST_SIZES / elapsed_s:
-            return False
-        wanted = max(EVENTS_MIN, EVENTS_SHARE * (self._events_per_px or 0.0))
-        if self._events_waiting < wanted and elapsed_s < WAIT_MAX_S and moved_px < WAIT_MAX_PX:
-            return False
-        self._events_waiting = 0
-        return True
+        return self._pace.is_due(self._since_s(stamp_ns), self.speed_px_s, self.sizes_per_s)
 
     def look(self, surface: TimeSurface, *, any_motion: bool = False) -> Look:
         """Fit the model to the newest events round the predicted place.
@@ -272,7 +237,7 @@ class Contours:
     def look_longer(self, events: float, stamp_ns: int) -> bool:
         """A look at a time (ns) had so few events: have the next one take those of more motion; whether it does."""
         span_s = self._span_s(stamp_ns)
-        self._events_per_px = min(self._per_px(events, span_s), self._events_per_px or math.inf)
+        self._pace.want_more(events, self.speed_px_s * span_s)
         return self._span_s(stamp_ns) > span_s
 
     def turn(self, direction: tuple[float, float]) -> None:
@@ -319,7 +284,7 @@ class Contours:
         self._looks += 1
         sight = self._sight(points, count)
         inside = splat(points, count, self.pose, self.cell_px, sight.velocity, self.drawn)
-        self._count_events(inside, span_s)
+        self._pace.count(inside, self.speed_px_s * span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._memories.weight, 1.0)
         direction = self._direction_by_the_cell()
@@ -362,7 +327,7 @@ class Contours:
         upright = self.box
         least, most = SCALE_LIMITS
         self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
-        self._events_per_px, self._events_waiting = None, 0
+        self._pace.forget()
         self.stamp_ns = stamp_ns
         self.stop()
         self.uncover()
@@ -468,20 +433,12 @@ class Contours:
         scale = self.pose[SCALE] * math.exp(self._growing.per_s * since_s)
         return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
 
-    def _count_events(self, inside: float, span_s: float) -> None:
-        per_px = self._per_px(inside, span_s)
-        known = per_px if self._events_per_px is None else self._events_per_px
-        self._events_per_px = known + 0.05 * (per_px - known)
-
-    def _per_px(self, events: float, span_s: float) -> float:
-        return events / max(MOTION_SEEN_MIN_PX, self.speed_px_s * span_s)
-
     def _since_s(self, stamp_ns: int) -> float:
         return (stamp_ns - self.stamp_ns) * 1e-9
 
     def _motion_s(self) -> float:
         """The time of a window's motion (s), at most `window_max_s`."""
-        return min(self._window_px / max(self.speed_px_s, 1e-3), self.config.window_max_s)
+        return self._pace.motion_s(self.speed_px_s, self.sizes_per_s)
 
     def _span_s(self, stamp_ns: int) -> float:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)

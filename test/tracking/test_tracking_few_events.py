@@ -8,7 +8,8 @@ from tracked_scenes import START_NS, events_of, frames_from, overlap, scene_of, 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig
-from etd_ros.tracking.contours import WINDOW_MAX_PX, Contours
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.look_pace import WINDOW_MAX_PX
 
 MANY_UNTIL_S = 0.06
 KEPT = 0.015
