@@ -15,6 +15,7 @@ from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
 from etd_ros.tracking.pointed_object import PointedObject
+from etd_ros.tracking.surface import TimeSurface
 from msg_adapters import ENCODINGS, Layout, decoder_for
 from msg_adapters.header import Header, write_header
 from msg_adapters.layout import Writer
@@ -89,6 +90,8 @@ def _track() -> None:
             # A node that gets its frames as messages may not write to them, which is another type to a kernel.
             frame.flags.writeable = step % 2 == 0
             tracker.update((step + 1) * STEP_NS, frame)
+    # No look here is at noise alone.
+    TimeSurface(SENSOR_SIDE, SENSOR_SIDE).shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
 
 
 def _discover() -> None:
