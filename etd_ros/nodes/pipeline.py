@@ -216,7 +216,7 @@ class Pipeline(EtdNode):
             self._tracker = node_tracker(self, width, height)
             self._tracker_shape = shape
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
-        self._targets.start_new(self._tracker)
+        self._targets.start_new(self._tracker, frame.stamp_ns)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
         regions = self._regions.boxes = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)

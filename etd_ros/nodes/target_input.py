@@ -91,11 +91,7 @@ class TargetInput:
             first_ns: earliest time (ns) that the first data may be of. Targets that start before it are counted as
                 errors when the node begins; they are tracked from the next frame on.
         """
-        self._clock.note(stamp_ns)
-        if not self._has_begun:
-            # Until now there was nothing to compare them with.
-            ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
-            self._refuse_ahead([self._new.pop(name) for name in ahead])
+        self._hold_against(stamp_ns)
         asked_for = set(self._new)
         self._targets |= self._new
         self._new.clear()
@@ -121,8 +117,9 @@ class TargetInput:
         self._say_off_sensor(tracker.size, off_sensor)
         self._has_begun = True
 
-    def start_new(self, tracker: MultiTracker) -> None:
-        """Stop, start, or start again the targets that came since the last call."""
+    def start_new(self, tracker: MultiTracker, stamp_ns: int) -> None:
+        """Stop, start, or start again the targets that came since the last call; the stamp (ns) is the next frame's."""
+        self._hold_against(stamp_ns)
         tracker.targets_max = self._node.options.targets_max
         for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
             tracker.stop(name)
@@ -148,7 +145,6 @@ class TargetInput:
         self._memory.note(stamp_ns, reports)
         for notice in tracker.take_notices():
             self._node.warn(notice)
-        self._clock.note(stamp_ns)
         self._lost.note(stamp_ns, reports)
         self._in_tracker = {*tracker.targets, *tracker.waiting_clicks}
         self._followed = len(tracker.targets)
@@ -314,6 +310,12 @@ class TargetInput:
 
     def _is_ahead(self, stamp_ns: int) -> bool:
         return self._clock.ahead_s(stamp_ns) > START_AHEAD_MAX_S
+
+    def _hold_against(self, stamp_ns: int) -> None:
+        """Refuse what is to start far after a frame (ns): as it came, the events' time may not have been known."""
+        self._clock.note(stamp_ns)
+        ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
+        self._refuse_ahead([self._new.pop(name) for name in ahead])
 
     def _refuse_ahead(self, starts: Sequence[TargetStart]) -> None:
         if not starts:

@@ -196,7 +196,7 @@ class Tracker(EtdNode):
             self._size = (width, height)
             self._tracker = node_tracker(self, width, height)
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.stamp_ns - FIRST_FRAME_MAX_NS)
-        self._targets.start_new(self._tracker)
+        self._targets.start_new(self._tracker, frame.stamp_ns)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)

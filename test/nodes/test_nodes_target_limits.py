@@ -200,6 +200,26 @@ def test_a_box_stamped_by_a_clock_that_is_ahead_is_refused_and_what_is_followed_
     assert states["ball"] != "idle"
 
 
+def test_a_box_is_held_against_the_frame_that_it_would_start_with(bench, repository):
+    """As it comes, the events may be on another clock, or not have come for so long that nobody knows theirs."""
+    shots = shots_of(repository / "bags" / "demo")
+    bench.listen("/pipeline/status", DiagnosticArray)
+    bench.start("pipeline", ros=(*REMAP, "-p", TARGETS))
+    targets = sender(bench)
+    camera = Camera(bench, "/pipeline/detections")
+    camera.wait_for_readers()
+    camera.play(dataclasses.replace(shot, shift_ns=60 * S_NS) for shot in shots[:40])
+    too_small = Box(100, 80, 1e-9, 1e-9)
+    detections = [Detection("ball", BALL, 1.0, ""), Detection("tiny", too_small, 1.0, "")]
+    targets.publish(encode_detections(detections, stamp_ns=camera.latest_ns, frame_id=""))
+    bench.wait_until(lambda: errors(bench) == 1, "one is refused, and the other waits for the next frame")
+    camera.play(shots[40:80])
+    bench.wait_until(lambda: errors(bench) == 2, "it is refused with that frame")
+    (line,) = [line for line in bench.log("pipeline").splitlines() if "after the newest events" in line]
+    assert "1 targets ('ball') are refused" in line
+    assert states_of(bench)["ball"] != "idle", "what is followed goes on"
+
+
 def test_boxes_of_a_class_without_ids_are_targets_of_their_own_and_start_again_with_the_next_message(bench, repository):
     targets = start_looping(bench, repository)
     boxes = [(BALL, "thing"), (DRUM, "thing"), (EMPTY_CORNER, "")]
