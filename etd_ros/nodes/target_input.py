@@ -13,7 +13,14 @@ from etd_ros.boxes import OffSensorError
 from etd_ros.errors import EtdError
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S
-from etd_ros.nodes.target_limits import START_AHEAD_MAX_S, EventClock, LostTimes, Refusals, named
+from etd_ros.nodes.target_limits import (
+    START_AHEAD_MAX_S,
+    START_LATE_MAX_S,
+    EventClock,
+    LostTimes,
+    Refusals,
+    named,
+)
 from etd_ros.nodes.target_memory import TargetMemory
 from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
@@ -120,6 +127,7 @@ class TargetInput:
     def start_new(self, tracker: MultiTracker, stamp_ns: int) -> None:
         """Stop, start, or start again the targets that came since the last call; the stamp (ns) is the next frame's."""
         self._hold_against(stamp_ns)
+        self._say_late(stamp_ns)
         tracker.targets_max = self._node.options.targets_max
         for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
             tracker.stop(name)
@@ -316,6 +324,17 @@ class TargetInput:
         self._clock.note(stamp_ns)
         ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
         self._refuse_ahead([self._new.pop(name) for name in ahead])
+
+    def _say_late(self, stamp_ns: int) -> None:
+        """Warn of boxes that are old when they start with a frame (ns)."""
+        stamped = [target for target in self._new.values() if target.stamp_ns > 0]
+        late_s = {target.name: (stamp_ns - target.stamp_ns) * 1e-9 for target in stamped}
+        late = [name for name, old_s in late_s.items() if old_s > START_LATE_MAX_S]
+        if late:
+            self._node.warn(
+                f"{len(late)} targets ({named(late)}) start at boxes that are {late_s[late[0]]:.2f} s old: what moves "
+                "is elsewhere by now: send boxes within 0.1 s of what they were seen in"
+            )
 
     def _refuse_ahead(self, starts: Sequence[TargetStart]) -> None:
         if not starts:

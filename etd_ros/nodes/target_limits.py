@@ -12,6 +12,8 @@ from etd_ros.tracking import TargetReport, TargetState
 START_AHEAD_MAX_S = 10.0
 """A message's box is of what was seen, so its stamp is that of events that have come. A start that is farther ahead (s)
 is on another clock and may never come; by less, clocks of machines differ that are only roughly set."""
+START_LATE_MAX_S = 0.15
+"""What moves has left a box that is older (s) when tracking begins there."""
 KNOWN_S = 10.0
 """So long after a frame (s) it is known what time the events' clock has."""
 LOST_MIN_S = 3.0

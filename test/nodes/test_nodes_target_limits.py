@@ -220,6 +220,23 @@ def test_a_box_is_held_against_the_frame_that_it_would_start_with(bench, reposit
     assert states_of(bench)["ball"] != "idle", "what is followed goes on"
 
 
+def test_boxes_that_come_late_are_said_to_be_old(bench, repository):
+    shots = shots_of(repository / "bags" / "demo")
+    bench.listen("/pipeline/status", DiagnosticArray)
+    bench.start("pipeline", ros=(*REMAP, "-p", TARGETS))
+    targets = sender(bench)
+    camera = Camera(bench, "/pipeline/detections")
+    camera.wait_for_readers()
+    camera.play(shots[:60])
+    late_ns = camera.latest_ns - 400_000_000
+    targets.publish(encode_detections([Detection("late", DRUM, 1.0, "")], stamp_ns=late_ns, frame_id=""))
+    camera.play(shots[60:90])
+    bench.wait_until(lambda: "late" in states_of(bench), "it starts nevertheless")
+    (line,) = [line for line in bench.log("pipeline").splitlines() if "what moves is elsewhere by now" in line]
+    assert "1 targets ('late') start at boxes that are 0." in line
+    assert errors(bench) == 0
+
+
 def test_boxes_of_a_class_without_ids_are_targets_of_their_own_and_start_again_with_the_next_message(bench, repository):
     targets = start_looping(bench, repository)
     boxes = [(BALL, "thing"), (DRUM, "thing"), (EMPTY_CORNER, "")]
