@@ -11,8 +11,10 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.surface import TimeSurface, Window
 
-SPAN = 3.0
-"""Width and height of the surroundings in those of the box."""
+SPAN, OLD_SPAN = 3.0, 5.0
+"""Width and height of the surroundings in those of the box; of one that is old when its first frame comes."""
+LATE_S, OLD_S = 0.05, 0.15
+"""A box is late, or old, whose first frame starts so long after it: what moves has left a part of it, or all."""
 STEPS = 12
 """Velocities are tried in so many steps to each side, up to those that bring the box to the surroundings' border."""
 BOX_MARGIN = 1.1
@@ -23,6 +25,8 @@ that has more than a surface tells at once has more than these."""
 SHARE_MAX, SHARE_MIN, MORE_MIN = 0.6, 0.8, 0.25
 """The box at the velocity believed so far holds no more than the first of the events beyond what evenly strewn ones
 would be, at another velocity at least the second, and by so much more than there."""
+LATE_SHARE_MAX, LATE_MORE_MIN = 0.95, 0.08
+"""The same of a late one."""
 BY_CHANCE_MAX = 0.5
 """A box that fills more of its surroundings than this, at the sensor's borders, holds most events wherever it is."""
 COUNTED_MAX = 1000
@@ -46,11 +50,16 @@ class Surroundings:
         self._frames: list[Float32Array] = []
         self._count = 0
         self._by_chance = 1.0
+        self._late_s: float | None = None
 
     @property
     def step_px(self) -> float:
         """How far the places to which these velocities have brought the box lie apart (pixels)."""
-        return (SPAN - 1) / 2 / STEPS * max(self._box.w, self._box.h)
+        return (self._span - 1) / 2 / STEPS * max(self._box.w, self._box.h)
+
+    @property
+    def _span(self) -> float:
+        return OLD_SPAN if self._late_s is not None and self._late_s > OLD_S else SPAN
 
     @property
     def events(self) -> Float32Array:
@@ -59,9 +68,11 @@ class Surroundings:
 
     def take(self, surface: TimeSurface) -> None:
         """Take the newest frame's events."""
+        if self._late_s is None:
+            self._late_s = (surface.start_ns - self._start_ns) * 1e-9
         if self._count > EVENTS_MAX:
             return
-        window = surface.window(self._box.scaled(SPAN), 0.0)
+        window = surface.window(self._box.scaled(self._span), 0.0)
         points, count = surface.newest(window)
         if count == 0:
             return
@@ -87,12 +98,14 @@ class Surroundings:
         box = np.array([*self._box.center, self._box.w, self._box.h])
         by_chance = self._by_chance
         now = _beyond_chance(_held(events, box, *believed.tolist()) / len(events), by_chance)
-        if now > SHARE_MAX:
+        is_late = self._late_s is not None and self._late_s > LATE_S
+        share_max, more_min = (LATE_SHARE_MAX, LATE_MORE_MIN) if is_late else (SHARE_MAX, MORE_MIN)
+        if now > share_max:
             return []
-        reach_px_s = (SPAN - 1) / 2 * box[2:] / time_s
+        reach_px_s = (self._span - 1) / 2 * box[2:] / time_s
         shares = _beyond_chance(_held_at_steps(events, box, reach_px_s / STEPS) / len(events), by_chance)
         best = float(shares.max())
-        if best < max(SHARE_MIN, now + MORE_MIN):
+        if best < max(SHARE_MIN, now + more_min):
             return []
         down, right = np.nonzero(shares >= BEST_SHARE * best)
         return list((np.stack([right, down], 1) / STEPS - 1) * reach_px_s)
