@@ -14,12 +14,16 @@ from etd_ros.tracking.contour_drawing import agreements, coherence, splat
 from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.surroundings import Surroundings
+from etd_ros.tracking.surroundings import LATE_S, Surroundings
 
 LOOKS = 10
 """Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
 MOTION_MIN_PX, MOTION_MAX_PX = 2.0, 8.0
 TIME_MAX_S = 0.5
+SILENT_S, REST_S = 0.05, 0.05
+"""Where for so long nothing moved on the sensor, or nothing but noise came round its box, a target that was not seen to
+move has rested."""
+STANDS_PX = 1.0
 LOOK_S, LOOK_EVENTS = 0.005, 2.0
 """A look of the start waits for this time, or for so many events for each pixel of the box's width and height. Frames
 may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
@@ -83,13 +87,13 @@ class StartUp:
     does. Where little else moves round the box, what moves there is taken for it.
 
     The target is at its box at its start stamp, and the first frame may come a while later: so the model is drawn
-    round where it was, and the pose is what the motion makes of it.
+    round where it was, and the pose is what the motion makes of it. As long as nothing but noise comes from round the
+    box it rests there, and its start is put off.
     """
 
     def __init__(self, contours: Contours) -> None:
         self._contours = contours
         self._pose = contours.pose.copy()
-        self._start_ns = contours.stamp_ns
         self._cell_px = CELL * contours.cell_px
         width, height = (side / self._cell_px for side in contours.size_px)
         columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
@@ -97,17 +101,30 @@ class StartUp:
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
         self._ring = np.asarray(1 - self._weight, np.float32)
-        self._collected: list[Float32Array] = []
         self._looked_at_ns: int | None = None
         self._events_waiting = 0
+        self._rests = self._is_late = False
+        self._begin(contours.stamp_ns)
+
+    def _begin(self, stamp_ns: int) -> None:
+        """The target is in its start box at this time (ns)."""
+        self._contours.stop()
+        self._contours.pose[:] = self._pose
+        self._start_ns = self._contours.stamp_ns = stamp_ns
+        self._collected: list[Float32Array] = []
         self._fast_looks = 0
-        self._surroundings = Surroundings(contours.box, contours.stamp_ns)
+        self._surroundings = Surroundings(self._contours.box, stamp_ns)
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
         the model is known."""
         if self._looked_at_ns is None:
             self._looked_at_ns = surface.start_ns
+            # Frames since then were not looked at: it may have moved in them.
+            self._is_late = (surface.before_ns - self._start_ns) * 1e-9 > LATE_S
+        if self._stands and (surface.start_ns - max(surface.before_ns, self._start_ns)) * 1e-9 > SILENT_S:
+            # Nothing moved anywhere.
+            self._begin(surface.start_ns)
         self._surroundings.take(surface)
         elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
         self._events_waiting += new_events
@@ -115,7 +132,24 @@ class StartUp:
             return False
         self._looked_at_ns = surface.stamp_ns
         self._events_waiting = 0
+        if self._stands and self._sees_noise(surface):
+            self._begin(surface.stamp_ns)
+            return False
         return self._look(surface, elapsed_s)
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the target is not known to have moved."""
+        contours = self._contours
+        moved_px = contours.speed_px_s * (contours.stamp_ns - self._start_ns) * 1e-9
+        return moved_px <= STANDS_PX and not self._is_late
+
+    def _sees_noise(self, surface: TimeSurface) -> bool:
+        """Whether there was nothing but noise for REST_S: the target has rested, and starts later than was said."""
+        if self._rests or (surface.stamp_ns - self._start_ns) * 1e-9 >= REST_S:
+            window = surface.window(self._contours.box.scaled(GRID_MARGIN), 0.0)
+            self._rests = surface.shows_noise(window, REST_S)
+        return self._rests
 
     def _look(self, surface: TimeSurface, elapsed_s: float) -> bool:
         """Take the events of this time (s); whether the start is over and the model is known."""

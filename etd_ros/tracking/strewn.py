@@ -16,8 +16,8 @@ fire, too many have a neighbour by chance for that to tell."""
 @njit(cache=True, nogil=True)
 def are_strewn(times: npt.NDArray[np.int64], now_ns: int, duration_s: float, top: int, bottom: int, left: int,
                right: int) -> bool:  # fmt: skip
-    """Whether the pixels of a window that fired in a time until `now_ns` are few, and have hardly more neighbours among
-    them than by chance.
+    """Whether the pixels of a window that fired in a time until `now_ns` are none, or few that have hardly more
+    neighbours among them than by chance.
 
     Args:
         times: of each pixel's last events (ns), int64, shape (height, width, 2).
@@ -40,7 +40,7 @@ def are_strewn(times: npt.NDArray[np.int64], now_ns: int, duration_s: float, top
     by_chance = 1.0 - (1.0 - share) ** 8
     return (
         share < min(SHARE_MAX, RATE_MAX_HZ * duration_s)
-        and beside < (by_chance + EXCESS_MAX * (1.0 - by_chance)) * fired
+        and beside <= (by_chance + EXCESS_MAX * (1.0 - by_chance)) * fired
     )
 
 

@@ -30,6 +30,7 @@ class TimeSurface:
 
     Attributes:
         start_ns, stamp_ns: start and end of the newest frame (ns).
+        before_ns: end of the one before it (ns).
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
         width, height: sensor size (pixels).
     """
@@ -39,6 +40,7 @@ class TimeSurface:
         self.height = height
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
+        self.before_ns = NEVER_NS
         self.is_flash = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
@@ -56,7 +58,7 @@ class TimeSurface:
         if start_ns is None:
             start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
         self.start_ns = start_ns
-        self.stamp_ns = stamp_ns
+        self.before_ns, self.stamp_ns = self.stamp_ns, stamp_ns
         self.is_flash = is_flash(data)
         self._data = data
 

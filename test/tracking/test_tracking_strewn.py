@@ -26,7 +26,7 @@ def edge():
     return rows, 20 + rows // 2
 
 
-@pytest.mark.parametrize("share", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("share", [0.0, 0.005, 0.02, 0.1])
 def test_noise_is_strewn(share):
     assert are_strewn(times_with(*noise(share)), NOW_NS, 0.1, 0, HEIGHT, 0, WIDTH)
 
@@ -51,6 +51,6 @@ def test_what_fires_more_often_than_noise_is_not_noise():
     assert not are_strewn(times, NOW_NS, 0.05, 0, HEIGHT, 0, WIDTH)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_where_nothing_fires_or_nearly_everything_it_cannot_be_told(share):
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_where_nearly_everything_fires_it_cannot_be_told(share):
     assert not are_strewn(times_with(*noise(share)), NOW_NS, 0.1, 0, HEIGHT, 0, WIDTH)
