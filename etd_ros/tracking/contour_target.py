@@ -249,6 +249,8 @@ class ContourTarget:
         """Look for the target round where it should be, and go there as far as the look can be believed."""
         contours = self._contours
         contours.is_changing = False
+        # Half-believed looks at what turned round at once take it to stand; the events of more time would be blurred.
+        contours.least_speed_px_s = self._motion.speed_px_s if self._failing_s > 0 else 0.0
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
         look = self._look_here()
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
@@ -425,7 +427,7 @@ class ContourTarget:
         is_off = not self._surface.holds(*contours.pose[:2])
         if since_ns is None:
             self._doubt(0.0)
-        contours.is_changing = False
+        contours.is_changing, contours.least_speed_px_s = False, 0.0
         contours.stamp_ns = self._before.stamp_ns
         contours.pose[:], contours.velocity[:] = self._before.pose, self._before.velocity
         if since_ns is None and self._surface.inside_px(contours.box_at(*contours.predicted(stamp_ns))) >= 0:

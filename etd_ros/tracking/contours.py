@@ -83,6 +83,7 @@ class Contours:
         pose: float64, x, y of the centre (pixels), scale, angle (rad).
         velocity: float64, x, y (pixels/s).
         stamp_ns: the time of the pose (ns).
+        least_speed_px_s: looks take the events of no more time than if the target were so fast (pixels/s).
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
     """
@@ -99,6 +100,7 @@ class Contours:
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
         width, height = (side / self.cell_px for side in self.size_px)
         self._memories = Memories(rows, columns, width, height)
+        self.least_speed_px_s = 0.0
         self.is_changing = False
         self.drawn = np.zeros((2, rows, columns), np.float32)
         self.room = np.zeros_like(self.drawn)
@@ -438,7 +440,7 @@ class Contours:
 
     def _motion_s(self) -> float:
         """The time of a window's motion (s), at most `window_max_s`."""
-        return self._pace.motion_s(self.speed_px_s, self.sizes_per_s)
+        return self._pace.motion_s(max(self.speed_px_s, self.least_speed_px_s), self.sizes_per_s)
 
     def _span_s(self, stamp_ns: int) -> float:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)
