@@ -24,7 +24,8 @@ ALL_PEERS_ON = ("contours", "slider_depth")
 
 FRAME_PARTS: dict[Callable[[Stream, int], Iterator[Row]], tuple[str, ...]] = {
     frames.bare_maps: KINDS,
-    frames.readout: ("contours", "texture", "uniform", "flicker"),
+    frames.readout: ("contours", "texture", "uniform"),
+    frames.full_readout: ("flicker",),
     frames.high_pass: ("contours", "texture", "uniform"),
     frames.noise_filter: ("contours", "noisy contours", "uniform"),
 }

@@ -1,4 +1,4 @@
-"""From events to frames, images and filtered events: conversion(_fine), bare_map, readout, high_pass, noise_filter."""
+"""From events to frames, images and filtered events."""
 
 from __future__ import annotations
 
@@ -42,10 +42,18 @@ def bare_maps(stream: Stream, rounds: int) -> Iterator[Row]:
 
 def readout(stream: Stream, rounds: int) -> Iterator[Row]:
     """The end of a frame that holds as many events as the stream's first ATSLTD frame."""
-    count = min(_frame_ends(stream, AtsltdConfig()), default=len(stream.events))
+    yield from _readout("readout", stream, min(_frame_ends(stream, AtsltdConfig()), default=len(stream.events)), rounds)
+
+
+def full_readout(stream: Stream, rounds: int) -> Iterator[Row]:
+    """The end of a frame that holds as many events as the sensor has pixels."""
+    yield from _readout("readout_full", stream, stream.events.width * stream.events.height, rounds)
+
+
+def _readout(what: str, stream: Stream, count: int, rounds: int) -> Iterator[Row]:
     events = stream.events[:count]
     ours, others = subjects.readout(events), peers.readouts(events)
-    yield from rows("readout", stream, ours, others, rounds * READOUT_ROUNDS_FACTOR, unit=MS, frames=1, events=count)
+    yield from rows(what, stream, ours, others, rounds * READOUT_ROUNDS_FACTOR, unit=MS, frames=1, events=len(events))
 
 
 def high_pass(stream: Stream, rounds: int) -> Iterator[Row]:

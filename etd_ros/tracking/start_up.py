@@ -125,7 +125,8 @@ class StartUp:
         if self._stands and (surface.start_ns - max(surface.before_ns, self._start_ns)) * 1e-9 > SILENT_S:
             # Nothing moved anywhere.
             self._begin(surface.start_ns)
-        self._surroundings.take(surface)
+        if not self._rests:
+            self._surroundings.take(surface)
         elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
         self._events_waiting += new_events
         if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._contours.size_px):
