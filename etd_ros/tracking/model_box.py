@@ -29,17 +29,28 @@ class ModelBox:
         self.size_px = width, height
         self._offset = np.zeros(2)
         self._growth = np.zeros(2)
+        self._placed_for: tuple[float, float] | None = None
 
     def at(self, x: float, y: float, pose: Float64Array) -> Box:
         """The box, if the model's middle is there (pixels) and its scale and angle are those of a pose."""
         scale, angle = pose[SCALE:].tolist()
+        # Asked for many times between two looks, which alone change it.
+        if self._placed_for != (scale, angle):
+            self._placed_for = scale, angle
+            self._placed = self._place(scale, angle)
+        (right_x, below_x), (right_y, below_y), (width, height) = self._placed
+        x, y = x + right_x - below_x, y + right_y + below_y
+        return Box(x - width / 2, y - height / 2, width, height)
+
+    def _place(self, scale: float, angle_rad: float) -> tuple[tuple[float, float], ...]:
+        """How far the box's middle is from the model's along x and along y, by what it is off to the right and below on
+        the model, each for itself; and its width and height (pixels)."""
         wider, higher = np.exp(self._growth).tolist()
         across, down = self.size_px[0] * scale, self.size_px[1] * scale
-        cos, sin = math.cos(angle), math.sin(angle)
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         right, below = (self._offset * (across, down)).tolist()
-        x, y = x + cos * right - sin * below, y + sin * right + cos * below
-        width, height = _outline(across * wider, down * higher, angle)
-        return Box(x - width / 2, y - height / 2, width, height)
+        size = _outline(across * wider, down * higher, angle_rad)
+        return (cos * right, sin * below), (sin * right, cos * below), size
 
     def size_at_first(self, pose: Float64Array) -> tuple[float, float]:
         """Width and height (pixels) without what was put right."""
@@ -56,10 +67,12 @@ class ModelBox:
         self._growth += cos**2 * wider + sin**2 * higher, cos**2 * higher + sin**2 * wider
         np.clip(self._offset, -OFFSET_MAX, OFFSET_MAX, out=self._offset)
         np.clip(self._growth, -math.log(RATIO_MAX), math.log(RATIO_MAX), out=self._growth)
+        self._placed_for = None
 
     def reset(self) -> None:
         """Lie on the model as at the start."""
         self._offset[:] = self._growth[:] = 0
+        self._placed_for = None
 
 
 def _outline(across: float, down: float, angle_rad: float) -> tuple[float, float]:
