@@ -256,7 +256,8 @@ class ContourTarget:
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
             look = self._look_here()
         x, y = contours.predicted(stamp_ns)
-        is_noise = self._usual.confidence(look) < CONFIDENCE_OK and contours.sees_noise(self._surface)
+        confidence = self._usual.confidence(look)
+        is_noise = confidence < CONFIDENCE_OK and contours.sees_noise(self._surface)
         self._noise_s = self._noise_s + elapsed_s if is_noise else 0.0
         if look.events < EVENTS_MIN or self._noise_s > NOISE_S:
             self._go_without_events(stamp_ns, elapsed_s)
@@ -264,11 +265,10 @@ class ContourTarget:
         self._quiet_s = 0.0
         self._leaving_velocity = contours.velocity.copy()
         self._motion.learn_speed(contours.speed_px_s, elapsed_s)
-        self._confidence = self._usual.confidence(look)
         if self._failing_s == 0:
             # A new direction of motion shows edges that the model cannot know.
-            self._confidence /= max(contours.known, KNOWN_MIN)
-        self._confidence = min(1.0, self._confidence) * self._plausible(look, stamp_ns)
+            confidence /= max(contours.known, KNOWN_MIN)
+        self._confidence = min(1.0, confidence) * self._plausible(look, stamp_ns)
         if self._confidence < CONFIDENCE_USUAL:
             look = self._look_for_change(look, stamp_ns)
         if self._confidence < CONFIDENCE_OK:

@@ -103,7 +103,8 @@ class StartUp:
         self._ring = np.asarray(1 - self._weight, np.float32)
         self._looked_at_ns: int | None = None
         self._events_waiting = 0
-        self._rests = self._is_late = False
+        self._rests = False
+        self._late_s = 0.0
         self._begin(contours.stamp_ns)
 
     def _begin(self, stamp_ns: int) -> None:
@@ -113,15 +114,16 @@ class StartUp:
         self._start_ns = self._contours.stamp_ns = stamp_ns
         self._collected: list[Float32Array] = []
         self._fast_looks = 0
-        self._surroundings = Surroundings(self._contours.box, stamp_ns)
+        self._surroundings = Surroundings(self._contours.box, stamp_ns, self._late_s)
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
         the model is known."""
         if self._looked_at_ns is None:
             self._looked_at_ns = surface.start_ns
-            # Frames since then were not looked at: it may have moved in them.
-            self._is_late = (surface.before_ns - self._start_ns) * 1e-9 > LATE_S
+            # In frames that were not looked at it may have moved.
+            self._late_s = max(0.0, (surface.before_ns - self._start_ns) * 1e-9)
+            self._begin(self._start_ns)
         if self._stands and (surface.start_ns - max(surface.before_ns, self._start_ns)) * 1e-9 > SILENT_S:
             # Nothing moved anywhere.
             self._begin(surface.start_ns)
@@ -143,7 +145,7 @@ class StartUp:
         """Whether the target is not known to have moved."""
         contours = self._contours
         moved_px = contours.speed_px_s * (contours.stamp_ns - self._start_ns) * 1e-9
-        return moved_px <= STANDS_PX and not self._is_late
+        return moved_px <= STANDS_PX and self._late_s <= LATE_S
 
     def _sees_noise(self, surface: TimeSurface) -> bool:
         """Whether there was nothing but noise for REST_S: the target has rested, and starts later than was said."""

@@ -14,7 +14,7 @@ from etd_ros.tracking.surface import TimeSurface, Window
 SPAN, OLD_SPAN = 3.0, 5.0
 """Width and height of the surroundings in those of the box; of one that is old when its first frame comes."""
 LATE_S, OLD_S = 0.05, 0.15
-"""A box is late, or old, whose first frame starts so long after it: what moves has left a part of it, or all."""
+"""A box is late, or old, if so long after it nobody looked at its frames: what moves has left a part of it, or all."""
 STEPS = 12
 """Velocities are tried in so many steps to each side, up to those that bring the box to the surroundings' border."""
 BOX_MARGIN = 1.1
@@ -43,23 +43,21 @@ class Surroundings:
     Args:
         box: at the start (pixels).
         start_ns: the time of the start (ns).
+        late_s: how long after it the first frame starts that is looked at (s), though there were others meanwhile.
     """
 
-    def __init__(self, box: Box, start_ns: int) -> None:
+    def __init__(self, box: Box, start_ns: int, late_s: float = 0.0) -> None:
         self._box, self._start_ns = box, start_ns
         self._frames: list[Float32Array] = []
         self._count = 0
         self._by_chance = 1.0
-        self._late_s: float | None = None
+        self._is_late = late_s > LATE_S
+        self._span = OLD_SPAN if late_s > OLD_S else SPAN
 
     @property
     def step_px(self) -> float:
         """How far the places to which these velocities have brought the box lie apart (pixels)."""
         return (self._span - 1) / 2 / STEPS * max(self._box.w, self._box.h)
-
-    @property
-    def _span(self) -> float:
-        return OLD_SPAN if self._late_s is not None and self._late_s > OLD_S else SPAN
 
     @property
     def events(self) -> Float32Array:
@@ -68,8 +66,6 @@ class Surroundings:
 
     def take(self, surface: TimeSurface) -> None:
         """Take the newest frame's events."""
-        if self._late_s is None:
-            self._late_s = (surface.start_ns - self._start_ns) * 1e-9
         if self._count > EVENTS_MAX:
             return
         window = surface.window(self._box.scaled(self._span), 0.0)
@@ -98,8 +94,7 @@ class Surroundings:
         box = np.array([*self._box.center, self._box.w, self._box.h])
         by_chance = self._by_chance
         now = _beyond_chance(_held(events, box, *believed.tolist()) / len(events), by_chance)
-        is_late = self._late_s is not None and self._late_s > LATE_S
-        share_max, more_min = (LATE_SHARE_MAX, LATE_MORE_MIN) if is_late else (SHARE_MAX, MORE_MIN)
+        share_max, more_min = (LATE_SHARE_MAX, LATE_MORE_MIN) if self._is_late else (SHARE_MAX, MORE_MIN)
         if now > share_max:
             return []
         reach_px_s = (self._span - 1) / 2 * box[2:] / time_s

@@ -69,6 +69,16 @@ def start_looping(bench: Bench, repository, *parameters: str) -> Publisher:
     return targets
 
 
+def start_with_camera(bench: Bench, repository) -> tuple[list[Shot], Publisher, Camera]:
+    """What a camera sees of the demo, who sends boxes, and the camera, as a pipeline that follows TARGETS reads it."""
+    bench.listen("/pipeline/status", DiagnosticArray)
+    bench.start("pipeline", ros=(*REMAP, "-p", TARGETS))
+    targets = sender(bench)
+    camera = Camera(bench, "/pipeline/detections")
+    camera.wait_for_readers()
+    return shots_of(repository / "bags" / "demo"), targets, camera
+
+
 def errors(bench: Bench, node: str = "pipeline") -> int:
     return int(bench.figure(node, "errors") or 0)
 
@@ -202,12 +212,7 @@ def test_a_box_stamped_by_a_clock_that_is_ahead_is_refused_and_what_is_followed_
 
 def test_a_box_is_held_against_the_frame_that_it_would_start_with(bench, repository):
     """As it comes, the events may be on another clock, or not have come for so long that nobody knows theirs."""
-    shots = shots_of(repository / "bags" / "demo")
-    bench.listen("/pipeline/status", DiagnosticArray)
-    bench.start("pipeline", ros=(*REMAP, "-p", TARGETS))
-    targets = sender(bench)
-    camera = Camera(bench, "/pipeline/detections")
-    camera.wait_for_readers()
+    shots, targets, camera = start_with_camera(bench, repository)
     camera.play(dataclasses.replace(shot, shift_ns=60 * S_NS) for shot in shots[:40])
     too_small = Box(100, 80, 1e-9, 1e-9)
     detections = [Detection("ball", BALL, 1.0, ""), Detection("tiny", too_small, 1.0, "")]
@@ -221,12 +226,7 @@ def test_a_box_is_held_against_the_frame_that_it_would_start_with(bench, reposit
 
 
 def test_boxes_that_come_late_are_said_to_be_old(bench, repository):
-    shots = shots_of(repository / "bags" / "demo")
-    bench.listen("/pipeline/status", DiagnosticArray)
-    bench.start("pipeline", ros=(*REMAP, "-p", TARGETS))
-    targets = sender(bench)
-    camera = Camera(bench, "/pipeline/detections")
-    camera.wait_for_readers()
+    shots, targets, camera = start_with_camera(bench, repository)
     camera.play(shots[:60])
     late_ns = camera.latest_ns - 400_000_000
     targets.publish(encode_detections([Detection("late", DRUM, 1.0, "")], stamp_ns=late_ns, frame_id=""))
