@@ -11,6 +11,10 @@ import numpy.typing as npt
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
 
+WIDER_SEARCHES = 9
+"""The region of a target that is lost, or has left, grows as if there were so many searches more: it may come in at the
+other side of the sensor."""
+
 
 class RecoveryError(EtdError):
     """A recovery tracker that cannot be built, or an image that does not fit it."""
@@ -44,6 +48,10 @@ class RecoveryTracker(Protocol):
 
     def search(self, image: npt.NDArray[np.uint8], last_box: Box) -> Found | None:
         """Look for the target; `last_box` is its last box. None: it was not found convincingly."""
+        ...
+
+    def look_wider(self) -> None:
+        """The target is lost, or has left: the next search may look much farther from its last box."""
         ...
 
     def forget_lately(self) -> None:

@@ -24,7 +24,7 @@ from etd_ros.recovery.appearance import (
     cut_window,
 )
 from etd_ros.recovery.config import RecoveryConfig
-from etd_ros.recovery.interface import Found, RecoveryError, check_image
+from etd_ros.recovery.interface import WIDER_SEARCHES, Found, RecoveryError, check_image
 
 EXEMPLARS_MAX = 4
 CSRT_SCALES = 9
@@ -186,6 +186,10 @@ class OpenCvRecovery:
         if found.score < self._config.score_min or not self._plausible(found.box, likeliest.exemplar, image):
             return None
         return found
+
+    def look_wider(self) -> None:
+        """The next region is larger by what `WIDER_SEARCHES` searches would add, as far as it may be."""
+        self._searches += WIDER_SEARCHES
 
     def forget_lately(self) -> None:
         """Keep the first exemplar alone."""

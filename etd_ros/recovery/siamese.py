@@ -15,7 +15,7 @@ from etd_ros.boxes import Box
 from etd_ros.recovery.appearance import GreyImage
 from etd_ros.recovery.config import SIAMRPN, RecoveryConfig
 from etd_ros.recovery.crops import Crop, cut, exemplar_extent
-from etd_ros.recovery.interface import Found, check_image
+from etd_ros.recovery.interface import WIDER_SEARCHES, Found, check_image
 from etd_ros.recovery.matching import Answers, Matcher
 
 DISTRACTORS_MAX = 4
@@ -93,7 +93,7 @@ class SiameseRecovery:
         self._unlearnt: list[View] = []
         self._distractors: list[_Distractor] = []
         self._images_since = 0
-        self._searches = 0
+        self._searches = self._wider_by = 0
         self._agreeing: list[Box] = []
 
     @property
@@ -108,7 +108,7 @@ class SiameseRecovery:
             RecoveryError: not such an image.
         """
         check_image(image)
-        self._searches = 0
+        self._searches = self._wider_by = 0
         self._agreeing.clear()
         self._images_since += 1
         if self._first is not None and self._images_since < self._config.exemplar_interval:
@@ -154,6 +154,10 @@ class SiameseRecovery:
         if len(self._agreeing) < config.network_agreeing:
             return None
         return Found(candidate.box, min(1.0, candidate.score))
+
+    def look_wider(self) -> None:
+        """The next region is larger by what `WIDER_SEARCHES` searches would add."""
+        self._wider_by += WIDER_SEARCHES
 
     def forget_lately(self) -> None:
         """Keep the first view alone."""
@@ -231,7 +235,7 @@ class SiameseRecovery:
     def _window(self, image: GreyImage, center: tuple[float, float]) -> Crop:
         """The part of the region round `center` that is searched now, at the scale of the exemplars."""
         scale = self._matcher.geometry.exemplar_side / exemplar_extent(*self._size)
-        region_scale = self._config.search_scale + self._config.search_growth * self._searches
+        region_scale = self._config.search_scale + self._config.search_growth * (self._searches + self._wider_by)
         # The places searched for the centre: the region, as far as it lies on the image.
         reach = [max(side * region_scale / 2, STRIDE / scale) for side in self._size]
         bounds = [

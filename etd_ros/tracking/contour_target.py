@@ -60,6 +60,9 @@ FORGIVING = 2.0
 """How much faster good looks make up for failing ones."""
 VANISHING_PX_S, VANISHING_SHARE = 20.0, 0.75
 """A target that is faster than this, and than this share of its usual speed, does not come to a halt at once."""
+GONE_BEHIND_SURE, GONE_BEHIND_USUAL = 0.24, 0.1
+"""What goes behind something does so edge by edge: it has moved on by these shares of its size since it was last seen
+surely, and as usual. What stops at once has lost its events within less."""
 SPEED_OUT_PX_S = 10.0
 EVENTS_FEW = 4.0
 """With so many events a target is not without: of more of its motion there may be enough for a look."""
@@ -172,6 +175,34 @@ class ContourTarget:
         box = self._contours.box_at(*self._contours.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._confidence))
 
+    @property
+    def is_followed(self) -> bool:
+        """Whether its contours are followed now."""
+        return self._state is TargetState.TRACKING and self._start_up is None
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether its last looks were sure."""
+        return self._failing_s == 0 and self._settling == 0
+
+    @property
+    def standing(self) -> Standing:
+        """Where it stands, and how it moves, now."""
+        return Standing.of(self._contours)
+
+    @property
+    def impression(self) -> Impression:
+        """What it looks like now."""
+        return self._contours.impression()
+
+    def go_back(self, stamp_ns: int, standing: Standing, impression: Impression) -> None:
+        """Something else has drawn it along since it stood there and looked so: look for it from there on."""
+        self._before = standing
+        self._failing_s = FAILING_S
+        self._motion.steady.forget()
+        self._fail(stamp_ns)
+        self._contours.recall(impression)
+
     def _look(self, stamp_ns: int, image: FrameData | None) -> None:
         """Take what the newest frame shows of the target."""
         if self._refinement and self._state is TargetState.TRACKING:
@@ -202,7 +233,7 @@ class ContourTarget:
         if self._refinement:
             self._refinement.time_went_back(stamp_ns)
         self._sure = None
-        self._failing_s = self._quiet_s = 0.0
+        self._failing_s = 0.0
         self._motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._before = Standing.of(self._contours)
@@ -219,13 +250,14 @@ class ContourTarget:
         self._first: tuple[Impression, UsualLooks] | None = None
         self._motion = UsualMotion()
         self._confidence = 1.0
-        self._failing_s = self._quiet_s = self._noise_s = 0.0
+        self._failing_s = self._noise_s = 0.0
         self._updated_ns = 0
         self._before = Standing.of(self._contours)
         self._leaving_velocity = self._contours.velocity.copy()
         self._settling = 0
         self._held = None
         self._sure = None
+        self._usual_place = self._contours.pose[:2].copy()
 
     def _check_sight(self, stamp_ns: int) -> None:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
@@ -262,7 +294,6 @@ class ContourTarget:
         if look.events < EVENTS_MIN or self._noise_s > NOISE_S:
             self._go_without_events(stamp_ns, elapsed_s)
             return
-        self._quiet_s = 0.0
         self._leaving_velocity = contours.velocity.copy()
         self._motion.learn_speed(contours.speed_px_s, elapsed_s)
         if self._failing_s == 0:
@@ -279,6 +310,8 @@ class ContourTarget:
                 contours.turn(look.direction)
         strays = self._doubt_if_it_strays(look, stamp_ns, elapsed_s)
         self._note_if_sure(elapsed_s)
+        if self._confidence >= CONFIDENCE_USUAL:
+            self._usual_place = contours.pose[:2].copy()
         doubt = min(max((CONFIDENCE_OK - self._confidence) / (CONFIDENCE_OK - CONFIDENCE_MIN), 0.0), 1.0)
         if doubt > 0:
             self._doubt(elapsed_s * doubt)
@@ -317,7 +350,6 @@ class ContourTarget:
         self._usual = copy.copy(usual)
         self._sure = None
         self._settling = SETTLING_LOOKS
-        self._quiet_s = 0.0
         self._motion = UsualMotion()
         self._confidence = found.score
 
@@ -369,25 +401,35 @@ class ContourTarget:
         self._contours.keep_memories()
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> None:
-        """A target that was slowing down stands still now; one that was not may have vanished behind something, or have
-        stopped: it keeps its box, after a moment if it is fast, and is looked for there and where its motion would
-        bring it."""
+        """A target that was slowing down stands still now; one that was not has gone behind something, or has stopped:
+        then it keeps its box, after a moment if it is fast, and is looked for there and where its motion would bring
+        it."""
         contours = self._contours
-        if self._is_leaving():
-            self._quiet_s += elapsed_s
-        elif contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._motion.speed_px_s):
+        if contours.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self._motion.speed_px_s):
             moving = moving_on(contours, stamp_ns)
+            has_gone_behind = self._has_gone_behind()
             self._failing_s = 0.0
-            self._fail(stamp_ns)
-            if self._state is TargetState.RECOVERING:
+            self._fail(stamp_ns, may_have_left=has_gone_behind)
+            if self._state is TargetState.RECOVERING and not has_gone_behind:
                 self._held = Held(contours.box, moving, stamp_ns, self._surface)
             return
-        elif self._failing_s > 0:
+        if self._failing_s > 0:
             self._come_less_far()
         contours.velocity *= math.exp(-elapsed_s / STILL_S)
         contours.stamp_ns = stamp_ns
-        if self._quiet_s > LEAVING_S or self._has_failed() or not self._surface.holds(*contours.pose[:2]):
+        if self._has_failed() or not self._surface.holds(*contours.pose[:2]):
             self._fail(stamp_ns)
+
+    def _has_gone_behind(self) -> bool:
+        """Whether a target that has no events any more has lost them edge by edge while it moved on: one that is fast
+        may have stopped within as much motion."""
+        contours = self._contours
+        if contours.is_fast or self._sure is None:
+            return False
+        size_px = math.sqrt(contours.box.w * contours.box.h)
+        place = contours.pose[:2]
+        since_sure_px, since_usual_px = math.dist(place, self._sure.pose[:2]), math.dist(place, self._usual_place)
+        return since_sure_px > GONE_BEHIND_SURE * size_px and since_usual_px > GONE_BEHIND_USUAL * size_px
 
     def _come_less_far(self) -> None:
         """What slowed down while it was doubted went on at its old speed: it is half way between there and where it was
@@ -420,7 +462,7 @@ class ContourTarget:
         )
         return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
-    def _fail(self, stamp_ns: int, since_ns: int | None = None) -> None:
+    def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
         seen since `since_ns` (ns), by default until now."""
         contours = self._contours
@@ -435,7 +477,7 @@ class ContourTarget:
             is_off = False
         self._state = TargetState.LOST if is_off else TargetState.RECOVERING
         self._leaving_velocity = self._before.velocity
-        has_left = is_off or self._is_leaving()
+        has_left = is_off or (may_have_left and self._is_leaving())
         if self._before is self._sure and not has_left:
             contours.restore_memories()
         contours.uncover()
@@ -478,5 +520,5 @@ class ContourTarget:
         self._state = TargetState.TRACKING
         self._motion.steady.forget()
         self._held = None
-        self._failing_s = self._quiet_s = 0.0
+        self._failing_s = 0.0
         self._confidence = CONFIDENCE_FOUND if answer is None else answer.score

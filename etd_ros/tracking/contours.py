@@ -320,6 +320,13 @@ class Contours:
         """What the target looks like now."""
         return Impression(self._memories.remembered(), self.direction, float(self.pose[ANGLE]))
 
+    def recall(self, impression: Impression) -> None:
+        """Look as the target once did."""
+        self._memories.recall(impression.remembered)
+        self.direction = impression.direction
+        self.uncover()
+        self.keep_memories()
+
     def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
         """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
         self._memories.recall(impression.remembered)

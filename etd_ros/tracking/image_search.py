@@ -61,6 +61,8 @@ class ImageSearch:
         self._searched_ns = stamp_ns
         self._searched, self._counts = None, True
         if answer is None:
+            if state is TargetState.LOST:
+                self._recovery.look_wider()
             self._searched = SearchedImage(self._recovery, stamp_ns, image, last_box)
         return answer
 

@@ -18,6 +18,7 @@ from etd_ros.tracking.box_refinement import Corrector
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.drawn_along import DrawnAlong
 from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.starter import Changes, Starter
@@ -29,8 +30,9 @@ _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="ta
 
 
 class MultiTracker:
-    """Tracks targets that are started and stopped by name. Targets do not influence one another, but for
-    taking turns in being looked for on images while they are followed.
+    """Tracks targets that are started and stopped by name. Targets take turns in being looked for on images while they
+    are followed; contours that were drawn along by another target's go back. Otherwise they do not influence one
+    another.
 
     Args:
         width: sensor width (pixels).
@@ -81,6 +83,7 @@ class MultiTracker:
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
         self._turns = Turns()
+        self._drawn_along = DrawnAlong()
         self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
 
@@ -195,6 +198,7 @@ class MultiTracker:
             msg = f"there is no target {name!r} to stop: tracked are {', '.join(self._targets) or 'none'}"
             raise TrackingError(msg)
         self._targets.pop(name, None)
+        self._drawn_along.forget(name)
         if self._starter is not None:
             self._starter.forget(name)
 
@@ -231,6 +235,9 @@ class MultiTracker:
         if self._contours is not None:
             self._surface.take(stamp_ns, frame, start_ns)
         reports = self._reports(stamp_ns, frame, image)
+        contours = [target for target in self._targets.values() if isinstance(target, ContourTarget)]
+        if len(contours) > 1:
+            self._drawn_along.take(stamp_ns, contours)
         if self._starter is not None:
             self._change(self._starter.take(stamp_ns, frame, reports, self._room()))
         return reports
@@ -244,6 +251,7 @@ class MultiTracker:
     def _go_back(self, stamp_ns: int) -> None:
         for name in self._starter.time_went_back() if self._starter is not None else ():
             self.stop(name)
+        self._drawn_along.time_went_back(stamp_ns)
         for target in self._targets.values():
             target.time_went_back(stamp_ns)
 

@@ -25,6 +25,7 @@ class SlowRecovery:
         self.searches = 0
         self.remembered = []
         self.has_lead = False
+        self.widened = 0
 
     def remember(self, image, box):
         self.remembered.append(box)
@@ -36,6 +37,9 @@ class SlowRecovery:
 
     def watch(self):
         return None
+
+    def look_wider(self):
+        self.widened += 1
 
 
 class WatchedRecovery(SlowRecovery):

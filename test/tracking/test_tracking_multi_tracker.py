@@ -37,6 +37,9 @@ class ListedRecovery:
         self.searched.append(last_box)
         return self.answers.pop(0) if self.answers else None
 
+    def look_wider(self):
+        pass
+
     def watch(self):
         return None
 

@@ -1,0 +1,130 @@
+"""Whether one of two targets has been drawn along by the other: they met while passing, and move as one since.
+
+Looks cannot tell: the model of what is hidden learns what hides it within a few of them, and they are sure again.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.contour_search import Standing
+from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.contours import Impression
+
+CHECK_S, CHECK_MAX_S = 0.01, 0.05
+"""Targets are compared so often; a longer time without frames counts as the second."""
+CLEAR_SHARE, MET_SHARE = 0.1, 0.6
+"""Targets whose boxes have less than the first of the smaller one in common are clear of each other; more than the
+second, and they have met."""
+PASSING_PX_S, ALIKE_SHARE = 20.0, 0.35
+"""They were passing each other if they did so faster than this, and move as one where it is less than this share of
+that."""
+MET_S = 0.05
+"""For so long they have to."""
+IMPRESSION_S = 0.05
+"""What a target looks like is noted so often."""
+VELOCITY_S = 0.05
+"""Its velocity while it is clear is an average over this time."""
+GIVE_UP_S = 1.0
+"""What is found with the other again and again for so long moves with it now."""
+
+
+@dataclass(slots=True)
+class _Clear:
+    """Where a target stood and what it looked like when it was clear of the others last; how long it has moved as one
+    with another since, and when it was first taken to be drawn along (ns)."""
+
+    standing: Standing
+    impression: Impression
+    impressed_ns: int
+    met_s: float = 0.0
+    first_ns: int | None = None
+
+
+class DrawnAlong:
+    """Watches the targets of a tracker, and sends one that is drawn along back to where it was clear of the other."""
+
+    def __init__(self) -> None:
+        self._clear: dict[str, _Clear] = {}
+        self._checked_ns = 0
+
+    def forget(self, name: str) -> None:
+        """A target of this name has stopped, or starts again."""
+        self._clear.pop(name, None)
+
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream starts again at `stamp_ns` (ns)."""
+        self._clear.clear()
+        self._checked_ns = stamp_ns
+
+    def take(self, stamp_ns: int, targets: Sequence[ContourTarget]) -> None:
+        """Compare the targets as they are after the frame of this stamp (ns), and have those go back that were drawn
+        along."""
+        elapsed_s = (stamp_ns - self._checked_ns) * 1e-9
+        if elapsed_s < CHECK_S:
+            return
+        self._checked_ns = stamp_ns
+        elapsed_s = min(elapsed_s, CHECK_MAX_S)
+        followed = [target for target in targets if target.is_followed]
+        boxes = [target.last_box for target in followed]
+        touching: set[str] = set()
+        for (one, box), (other, other_box) in itertools.combinations(zip(followed, boxes, strict=True), 2):
+            share = _common_share(box, other_box)
+            if share < CLEAR_SHARE:
+                continue
+            touching |= {one.name, other.name}
+            for target in self._drawn(one, other) if share > MET_SHARE else ():
+                self._doubt(stamp_ns, target, elapsed_s)
+        for target in followed:
+            if target.name not in touching and target.is_sure:
+                self._note(stamp_ns, target, elapsed_s)
+
+    def _drawn(self, one: ContourTarget, other: ContourTarget) -> Iterator[ContourTarget]:
+        """Of two that have met, if they move as one though they were passing each other, the one that has changed its
+        motion more."""
+        clear, other_clear = self._clear.get(one.name), self._clear.get(other.name)
+        if clear is None or other_clear is None:
+            return
+        was, other_was = clear.standing.velocity, other_clear.standing.velocity
+        now, other_now = one.standing.velocity, other.standing.velocity
+        passing_px_s = _apart(was, other_was)
+        if passing_px_s > PASSING_PX_S and _apart(now, other_now) <= ALIKE_SHARE * passing_px_s:
+            yield one if _apart(was, now) > _apart(other_was, other_now) else other
+
+    def _doubt(self, stamp_ns: int, target: ContourTarget, elapsed_s: float) -> None:
+        """It has moved as one with another for this time more: it goes back if that is long enough."""
+        clear = self._clear[target.name]
+        clear.met_s += elapsed_s
+        first_ns = stamp_ns if clear.first_ns is None else clear.first_ns
+        if clear.met_s > MET_S and (stamp_ns - first_ns) * 1e-9 < GIVE_UP_S:
+            clear.met_s, clear.first_ns = 0.0, first_ns
+            target.go_back(stamp_ns, clear.standing, clear.impression)
+
+    def _note(self, stamp_ns: int, target: ContourTarget, elapsed_s: float) -> None:
+        """It is clear of the others."""
+        now, clear = target.standing, self._clear.get(target.name)
+        if clear is None:
+            self._clear[target.name] = _Clear(now, target.impression, stamp_ns)
+            return
+        rate = 1 - math.exp(-elapsed_s / VELOCITY_S)
+        velocity = clear.standing.velocity + rate * (now.velocity - clear.standing.velocity)
+        clear.standing = Standing(now.stamp_ns, now.pose, velocity)
+        clear.met_s, clear.first_ns = 0.0, None
+        if (stamp_ns - clear.impressed_ns) * 1e-9 > IMPRESSION_S:
+            clear.impression, clear.impressed_ns = target.impression, stamp_ns
+
+
+def _apart(velocity: Float64Array, other: Float64Array) -> float:
+    return math.dist(velocity.tolist(), other.tolist())
+
+
+def _common_share(one: Box, other: Box) -> float:
+    """The share of the smaller box that lies in the other one."""
+    right = min(one.x + one.w, other.x + other.w) - max(one.x, other.x)
+    down = min(one.y + one.h, other.y + other.h) - max(one.y, other.y)
+    return max(0.0, right) * max(0.0, down) / min(one.w * one.h, other.w * other.h)
