@@ -68,9 +68,6 @@ class Demo:
             time.sleep(0.05)
         self.watch()
 
-    def look_wider(self) -> None:
-        """It is found nowhere."""
-
     def watch(self) -> None:
         """Note the shared memory that its processes use now."""
         for folder in self._processes():
