@@ -1,10 +1,10 @@
 """One target of `etd-plus`: contours that are followed, and what happens when they cannot be.
 
 The states are those of `target`. A target that stands still makes no events and goes on TRACKING where it is: nothing
-says that it is gone. It is RECOVERING when the events where it should be are not its own for a while, or when they end
-while it was leaving the sensor. Then its contours are looked for in a region that grows round where its motion would
-have brought it, and the recovery tracker searches the images. What is followed is looked for on images now and then,
-too: it may have drifted.
+says that it is gone. It is RECOVERING when the events where it should be are not its own for a while, or when they
+ended edge by edge while it moved on, as behind something. Then its contours are looked for in a region that grows round
+where its motion would have brought it, and the recovery tracker searches the images. What is followed is looked for on
+images now and then, too: it may have drifted.
 """
 
 from __future__ import annotations
@@ -202,6 +202,8 @@ class ContourTarget:
         self._motion.steady.forget()
         self._fail(stamp_ns)
         self._contours.recall(impression)
+        # That was the other one.
+        self._sure = None
 
     def _look(self, stamp_ns: int, image: FrameData | None) -> None:
         """Take what the newest frame shows of the target."""

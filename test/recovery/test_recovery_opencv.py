@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -230,3 +232,23 @@ def test_an_exemplar_is_the_boxs_pixels_and_their_surroundings():
     np.testing.assert_array_equal(exemplar.patch, image[70:106, 60:100])
     x, y, w, h = exemplar.context_box
     np.testing.assert_array_equal(exemplar.context[y : y + h, x : x + w], exemplar.patch)
+
+
+@pytest.mark.parametrize("name", ["csrt", "kcf"])
+def test_the_region_of_a_target_that_is_lost_grows_ten_times_as_fast(name):
+    sprite = texture(1, 40, 36)
+    far = START._replace(x=170)
+
+    def searches(look_wider):
+        tracker = after_a_loss(scene(sprite, START), START, tracker=name)
+        for number in range(1, 100):
+            if look_wider:
+                tracker.look_wider()
+            if tracker.search(scene(sprite, far), START):
+                return number
+        return math.inf
+
+    usual, lost = searches(look_wider=False), searches(look_wider=True)
+    # The first one is larger already.
+    assert (usual - 1) / 10 <= lost <= (usual - 1) / 10 + 1
+    assert lost > 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -358,3 +360,24 @@ def test_a_target_that_slid_behind_something_is_known_by_its_whole_self(make):
             tracker.remember(picture((sprite[:, :width], sliver)), sliver)
     moved = START._replace(x=110)
     assert_near(searched(tracker, START, (sprite, moved), images=12)[-1], moved)
+
+
+def test_the_region_of_a_target_that_is_lost_grows_ten_times_as_fast_until_it_is_remembered_again(make):
+    sprite = texture(1, 40, 36)
+    tracker = after_a_loss(make, (sprite, START))
+    far = START._replace(x=170)
+
+    def searches(look_wider):
+        tracker.remember(picture((sprite, START)), START)
+        for number in range(1, 200):
+            if look_wider:
+                tracker.look_wider()
+            tracker.search(picture((sprite, far)), START)
+            if tracker.has_lead:
+                return number
+        return math.inf
+
+    usual, lost = searches(look_wider=False), searches(look_wider=True)
+    assert lost == pytest.approx(usual / 10, abs=1)
+    assert lost > 1
+    assert searches(look_wider=False) == usual

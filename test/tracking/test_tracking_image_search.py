@@ -260,3 +260,16 @@ def test_who_must_not_wait_goes_on_while_a_target_is_looked_for_elsewhere():
     recovery.may_answer.set()
     end_of_search(images.watch)
     assert images.watch.elsewhere(FOLLOWED_NS + 2 * ANSWER_NS, None, FAR.box) == Found(BOX, 0.9)
+
+
+@pytest.mark.parametrize(("state", "widened"), [(TargetState.RECOVERING, 0), (TargetState.LOST, 3)])
+def test_only_a_lost_target_is_looked_for_in_a_wider_region_with_each_search(recovery, state, widened):
+    recovery.may_answer.set()
+    recovery.search = lambda *_: None
+    images = ImageSearch(recovery, math.inf)
+    images.begin(0)
+    for number in range(1, 4):
+        images.found(number * SEARCH_NS[state], IMAGE, state, BOX)
+        # No search is due.
+        images.found(number * SEARCH_NS[state] + 1, IMAGE, state, BOX)
+    assert recovery.widened == widened

@@ -66,3 +66,16 @@ def test_what_leaves_the_sensor_while_it_starts_is_lost(speed_px_s):
         (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
     assert report.box is None
     assert report.state is TargetState.LOST
+
+
+def test_what_stops_half_over_the_border_stays_there():
+    speed_px_s, size, stops_s, at_px = 60.0, 32, 1.0, 230.0
+
+    def way(t):
+        # It comes to a halt within 0.06 s.
+        slowed_s = np.clip(t - stops_s, 0, 0.06)
+        return at_px + speed_px_s * (np.minimum(t, stops_s) - stops_s + slowed_s - slowed_s**2 / 0.12)
+
+    found = tracked(scene_along(way, size, stops_s + 0.4))
+    assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
+    assert overlap(*found[-1][1:]) > 0.7
