@@ -47,7 +47,7 @@ SURVIVED_SHARE = 0.9
 LEFT_GRACE_S = 0.2
 """A box is false from this time after its target has left."""
 WRONG_IOU = 0.2
-"""A recovery whose box overlaps the truth less is a wrong one."""
+"""A recovery whose box overlaps the truth less is a wrong one; while the target is occluded, less than a success."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,8 @@ class TargetResult:
         false_share: share of the time (at 100 Hz) from 0.2 s after it had left at which it had a box; 0 where it did
             not leave.
         recoveries: times that it was tracked again after a failure.
-        wrong_recoveries: those of them with an IoU below 0.2 with the truth, or while it was absent.
+        wrong_recoveries: those of them with an IoU below 0.2 with the truth, below 0.5 while it was occluded, or while
+            it had left.
     """
 
     sequence: str
@@ -258,7 +259,11 @@ class Judge:
         ]
 
     def _is_wrong(self, row: TrackRow) -> bool:
+        """Whether its box is not on the target; of one that is hidden a part may be seen already, so that it is found,
+        but a box near it that happens to touch it is not."""
         time_s = (row.stamp_ns - START_NS) / NS_PER_S
-        if any(absence.start_s <= time_s < absence.end_s for absence in self._absences):
+        reasons = {absence.reason for absence in self._absences if absence.start_s <= time_s < absence.end_s}
+        if row.box is None or Absence.LEFT in reasons:
             return True
-        return row.box is None or row.box.iou(self._scene.box(self._name, time_s)) < WRONG_IOU
+        least = SUCCESS_IOU if reasons else WRONG_IOU
+        return row.box.iou(self._scene.box(self._name, time_s)) < least

@@ -76,7 +76,11 @@ class RecoveryConfig(Parameters):
         3.0, "width and height of the first search region, in those of the remembered target", low=1.0, high=100.0
     )
     search_growth: float = parameter(
-        0.1, "what a search without success adds to the scale of the search region", low=0.0, high=100.0
+        0.1,
+        "what a search without success adds to the scale of the search region; of a lost target of etd-plus ten times "
+        "as much",
+        low=0.0,
+        high=100.0,
     )
     search_scale_max: float = parameter(
         8.0,

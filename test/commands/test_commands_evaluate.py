@@ -104,18 +104,46 @@ def test_a_target_that_was_lost_before_it_left_is_told_at_once(scene):
     assert result.left_s == 0
 
 
-def test_recoveries_elsewhere_and_of_what_is_absent_are_wrong(scene):
-    hidden_s, _, _ = spans(scene)
+def found_again(scene, lost_s: float, found_s: float, box: str | Box) -> TargetResult:
+    """What is made of a track that is right, but for a loss that ends with one row of another box."""
 
     def says(time_s: float):
-        if 0.2 <= time_s < 0.22 or hidden_s - 0.02 <= time_s < hidden_s + 0.03:
+        if lost_s <= time_s < found_s:
             return RECOVERING, None
-        if time_s < hidden_s:
-            return TRACKING, NOWHERE
-        return TRACKING, "truth"
+        return TRACKING, box if found_s <= time_s < found_s + FRAME_S else "truth"
 
-    result = judged(scene, says)
-    assert (result.recoveries, result.wrong_recoveries) == (2, 2)
+    return judged(scene, says)
+
+
+def shifted(scene, time_s: float, share: float) -> Box:
+    """Its box at a time, beside where it is by a share of its width."""
+    box = scene.box("thing", time_s)
+    return box._replace(x=box.x + share * box.w)
+
+
+def test_recoveries_elsewhere_are_wrong(scene):
+    result = found_again(scene, 0.2, 0.22, NOWHERE)
+    assert (result.recoveries, result.wrong_recoveries) == (1, 1)
+
+
+@pytest.mark.parametrize(("share", "wrong"), [(0.0, 0), (0.25, 0), (0.5, 1)])
+def test_what_is_found_while_it_is_hidden_is_right_where_its_box_is_on_it(scene, share, wrong):
+    hidden_s, seen_s, _ = spans(scene)
+    found_s = (hidden_s + seen_s) / 2
+    result = found_again(scene, hidden_s - 0.02, found_s, shifted(scene, found_s, share))
+    assert (result.recoveries, result.wrong_recoveries) == (1, wrong)
+
+
+def test_a_box_that_hardly_touches_what_can_be_seen_is_no_wrong_recovery(scene):
+    # An IoU of a third: the box is on it, if not well.
+    result = found_again(scene, 0.2, 0.22, shifted(scene, 0.22, 0.5))
+    assert (result.recoveries, result.wrong_recoveries) == (1, 0)
+
+
+def test_what_is_found_when_it_has_left_is_wrong_even_where_it_went(scene):
+    _, _, left_s = spans(scene)
+    result = found_again(scene, left_s - 0.02, left_s + 0.05, "truth")
+    assert (result.recoveries, result.wrong_recoveries) == (1, 1)
 
 
 def test_a_start_is_no_recovery(scene):

@@ -10,6 +10,7 @@ from etd_ros.settings import Settings
 from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
+from etd_ros.tracking.contour_target import ContourTarget
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -106,7 +107,11 @@ def test_a_target_that_has_left_is_dropped():
     assert not tracker.targets
 
 
-def test_what_vanished_behind_something_is_dropped():
+@pytest.mark.parametrize(("is_held", "said"), [(False, TargetState.RECOVERING), (True, TargetState.TRACKING)])
+def test_what_vanished_behind_something_is_dropped_also_where_it_is_held(monkeypatch, is_held, said):
+    if is_held:
+        # As what is fast, or stops at once.
+        monkeypatch.setattr(ContourTarget, "_has_gone_behind", lambda self: False)
     rng = np.random.default_rng(5)
     wall = 0.5 + 0.05 * smooth_noise(rng, 180, 240)
     way = Path([Waypoint(0, 40, 90), Waypoint(0.6, 160, 90), Waypoint(0.9, 160, 90)])
@@ -114,13 +119,13 @@ def test_what_vanished_behind_something_is_dropped():
     panel = Sprite("panel", np.full((180, 80), 0.5), np.ones((180, 80)), Path([Waypoint(0, 175, 90)]), is_target=False)
     scene = Scene(240, 180, 0.9, wall, (thing, panel))
     tracker = tracker_of(scene, gone_s=0.1)
-    seen, held = set(), False
+    seen, unseen = set(), set()
     for frame in FrameSource("atsltd_fine", 240, 180, Settings()).frames(concatenate(list(simulate(scene, seed=1)))):
         reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
         seen |= {report.name for report in reports}
-        held |= any(report.score == 0 and report.state is TargetState.TRACKING for report in reports)
+        unseen |= {report.state for report in reports if report.score == 0}
     assert seen == {"auto_1"}
-    assert held
+    assert unseen == {said}
     assert not tracker.targets
 
 
