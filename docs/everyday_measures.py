@@ -1,6 +1,7 @@
-"""What `etd-plus` makes of everyday trouble before a still camera: what stops, sets off, turns round, or is told late.
+"""What `etd-plus` makes of everyday trouble before a still camera: what stops, sets off, turns round, is told late,
+comes nearer or goes away.
 
-    python docs/everyday_measures.py     # forty seconds
+    python docs/everyday_measures.py     # a minute
 
 A checked square before a smooth wall, a sensor of 240x180 pixels with noise. Each line: mean IoU of the boxes in the
 time that counts (a target without a box has 0), and how many of the scenes have .5 on average.
@@ -42,6 +43,8 @@ class Trouble(SeededScene):
         kind: what it is an example of.
         way: its motion.
         size_px: its side.
+        size: its size at times (s), in parts of that.
+        is_disc: whether it is a bright disc instead, which has no texture.
         duration_s: of the scene.
         starts_s, late_s: the time of its start box, and how much later tracking begins.
         counts_s: from when on boxes count.
@@ -54,6 +57,8 @@ class Trouble(SeededScene):
     duration_s: float = 1.0
     starts_s: float = 0.02
     late_s: float = 0.0
+    size: Way = np.ones_like
+    is_disc: bool = False
     counts_s: float = 0.0
     noise_rate_hz: float = 1000.0
 
@@ -64,11 +69,20 @@ class Trouble(SeededScene):
         square = checks(rng, self.size_px, self.size_px, cell=CELL_PX)
         across, down = math.cos(angle_rad), math.sin(angle_rad)
         path = Path.of(
-            lambda t: (WIDTH / 2 + across * self.way(np.asarray(t)), HEIGHT / 2 + down * self.way(np.asarray(t))),
-            self.duration_s,
+            lambda t: (WIDTH / 2 + across * self.way(t), HEIGHT / 2 + down * self.way(t), self.size(t)), self.duration_s
         )
-        scene = Scene(WIDTH, HEIGHT, self.duration_s, wall, (Sprite("thing", square, np.ones(square.shape), path),))
+        texture, opacity = (
+            (np.full_like(square, 0.9), _disc(self.size_px)) if self.is_disc else (square, np.ones_like(square))
+        )
+        thing = Sprite("thing", texture, opacity, path)
+        scene = Scene(WIDTH, HEIGHT, self.duration_s, wall, (thing,))
         return scene, SensorConfig(noise_rate_hz=self.noise_rate_hz)
+
+
+def _disc(size_px: int) -> npt.NDArray[np.float64]:
+    """1 where a disc of this diameter (pixels) covers its square."""
+    rows, columns = np.mgrid[:size_px, :size_px] - (size_px - 1) / 2
+    return np.asarray(np.hypot(columns, rows) < size_px / 2, np.float64)
 
 
 def mean_overlap(trouble: Trouble) -> tuple[str, float]:
@@ -134,9 +148,29 @@ def comes_late() -> Iterator[Trouble]:
         yield Trouble(seed, kind, way, size, 0.9, starts_s=0.1, late_s=late_s, counts_s=late_s + 0.3)
 
 
+def comes_nearer() -> Iterator[Trouble]:
+    """What would touch the camera after a time, until it is three times as near; and the same backwards."""
+    for touches_s, goes_away, is_disc, speed, seed in itertools.product(
+        (0.7, 1.5, 3.0), (False, True), (False, True), (0, 15), range(2)
+    ):
+        duration_s = touches_s * 2 / 3
+
+        def since_s(t: Times, goes_away: bool = goes_away, duration_s: float = duration_s) -> Times:
+            return duration_s - t if goes_away else t
+
+        def size(t: Times, since_s: Way = since_s, touches_s: float = touches_s) -> Times:
+            return 1 / (1 - np.clip(since_s(t), 0, 0.7 * touches_s) / touches_s)
+
+        def way(t: Times, since_s: Way = since_s, size: Way = size, speed: float = speed) -> Times:
+            return speed * since_s(t) * size(t)
+
+        kind = f"{'goes away from' if goes_away else 'comes as near as'} {touches_s} s"
+        yield Trouble(seed, kind, way, 22, duration_s, size=size, is_disc=is_disc, counts_s=duration_s / 2)
+
+
 def main() -> None:
     """Print a line for each kind."""
-    troubles = [*stops(), *sets_off(), *turns_round(), *comes_late()]
+    troubles = [*stops(), *sets_off(), *turns_round(), *comes_late(), *comes_nearer()]
     found: dict[str, list[float]] = {}
     for kind, overlap in map(mean_overlap, troubles):
         found.setdefault(kind, []).append(overlap)

@@ -13,6 +13,7 @@ from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import normalise, splat
 from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64Array, arm_cells, score_at, search
+from etd_ros.tracking.growth import GrowthByFlow
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, LookPace
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
@@ -94,6 +95,7 @@ class Contours:
         self.velocity = np.zeros(2)
         self._turning = SteadyChange(TURN_GAIN)
         self._growing = SteadyChange(GROWTH_GAIN)
+        self._growth_by_flow = GrowthByFlow()
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self._model_box = ModelBox(box.w, box.h)
@@ -280,6 +282,7 @@ class Contours:
             self._take_in_outline(surface)
         box = self.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
+        self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()
@@ -299,9 +302,16 @@ class Contours:
         self._turning.stop()
         self._growing.stop()
 
+    def grow_since(self, scale: float, growing_per_s: float, time_s: float) -> None:
+        """The target has grown at a rate (1/s) for a time (s), from a scale."""
+        self._growing.per_s = growing_per_s
+        self.pose[SCALE] = scale
+        self._grow(growing_per_s * time_s)
+
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
-        """Make the model what is drawn in `drawn`, the sum of so many looks."""
-        self.direction = np.array([*direction, 0.0, 0.0])
+        """Make the model what is drawn in `drawn`, the sum of so many looks; the direction is that of the motion, of
+        length 1, as `direction` has it."""
+        self.direction = direction
         normalise(self.drawn, self.room, self._memories.weight, looks)
         self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
         self._looks = looks_known
@@ -419,6 +429,13 @@ class Contours:
             self._grow(OUTLINE_GAIN * growth)
             self.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
             self._growing.doubt_if_below_0()
+
+    def _take_growth_of_flow(self, surface: TimeSurface) -> None:
+        """Believe how fast the target grows by the flow of its edges, unless its size is kept."""
+        if self.config.scale_gain > 0:
+            self._growing.per_s += self._growth_by_flow.correction(
+                surface, self.box, self.pose[:2], self.speed_px_s, self._growing.per_s
+            )
 
     def _note_direction(self) -> None:
         arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]

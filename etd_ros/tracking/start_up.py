@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, SCALE, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
+from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 
@@ -95,6 +96,7 @@ class StartUp:
         self._contours = contours
         self._pose = contours.pose.copy()
         self._cell_px = CELL * contours.cell_px
+        self._arm_px = arm_px(*contours.size_px)
         width, height = (side / self._cell_px for side in contours.size_px)
         columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
         self._weight = oval(rows, columns, width, height, WEIGHT_FADES)
@@ -111,6 +113,7 @@ class StartUp:
         """The target is in its start box at this time (ns)."""
         self._contours.stop()
         self._contours.pose[:] = self._pose
+        self._growing_per_s = 0.0
         self._start_ns = self._contours.stamp_ns = stamp_ns
         self._collected: list[Float32Array] = []
         self._fast_looks = 0
@@ -169,13 +172,15 @@ class StartUp:
         has_left = self._follow_out(fitted_s)
         if has_left:
             events = self._surroundings.events
-        moved = contours.speed_px_s * time_s
+        self._growing_per_s = 0.0 if has_left else self._take_growth(surface, time_s)
+        moved = math.hypot(contours.speed_px_s, self._growing_per_s * self._arm_px) * time_s
         is_over = (
             (len(self._collected) >= LOOKS and moved >= MOTION_MIN_PX) or moved >= MOTION_MAX_PX or time_s >= TIME_MAX_S
         )
-        if is_over and moved > APART_PX:
+        if is_over and moved > APART_PX and self._growing_per_s == 0:
             self._tell_apart(events, time_s)
         contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
+        contours.grow_since(self._pose[SCALE], self._growing_per_s, time_s)
         contours.stamp_ns = surface.stamp_ns
         if has_left:
             # So far the surface was kept up to date where it was believed.
@@ -183,6 +188,21 @@ class StartUp:
         if is_over:
             self._finish(events, moved)
         return is_over
+
+    def _take_growth(self, surface: TimeSurface, time_s: float) -> float:
+        """How fast the target has grown since its start (1/s) by the flow of its edges; if it has, its velocity is that
+        of the flow, too: some shift always agrees best with edges that move apart."""
+        contours = self._contours
+        if contours.config.scale_gain == 0 or time_s <= 0 or self._late_s > LATE_S:
+            return 0.0
+        x, y = (self._pose[:2] + contours.velocity * time_s).tolist()
+        window = surface.window(contours.box_at(x, y), FLOW_MARGIN_PX)
+        flow = surface.flow(window, min(time_s, START_SPAN_S), x, y)
+        if flow is None:
+            return 0.0
+        growing_per_s, share = growth_at_start(flow, self._arm_px, time_s)
+        contours.velocity = contours.velocity + share * (flow.velocity - contours.velocity)
+        return growing_per_s
 
     def _collect(self, points: Float32Array, stamp_ns: int) -> None:
         """Keep points with ages that count backwards from the start."""
@@ -303,10 +323,12 @@ class StartUp:
 
     def _finish(self, events: Float32Array, moved_px: float) -> None:
         contours = self._contours
-        speed = contours.speed_px_s
-        seen = _as_looks_see(events, contours.config.window_px / max(speed, 1e-3))
+        right, down = contours.velocity.tolist()
+        outward_px_s = self._growing_per_s * self._arm_px
+        speed_px_s = math.hypot(right, down, outward_px_s)
+        seen = _as_looks_see(events, contours.config.window_px / max(speed_px_s, 1e-3))
         splat(seen, len(seen), self._pose, contours.cell_px, contours.motion, contours.drawn)
-        direction = contours.velocity / speed if speed > 1e-6 else np.zeros(2)
+        direction = np.array([right, down, 0.0, outward_px_s]) / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float32Array, gather, gather_newest, keep_times
+from etd_ros.tracking.edge_flow import EdgeFlow, edge_flow
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
 
@@ -89,6 +90,16 @@ class TimeSurface:
     def shows_noise(self, window: Window, duration_s: float) -> bool:
         """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
         return bool(are_strewn(self._times, self.stamp_ns, duration_s, *window))
+
+    def flow(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlow | None:
+        """How the edges in a window move and grow round a place (pixels), by events that are at most so old."""
+        return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y)
+
+    def count(self, window: Window, duration_s: float) -> int:
+        """How many events of a window are at most so old."""
+        top, bottom, left, right = window
+        times = self._times[top:bottom, left:right]
+        return int(np.count_nonzero((times > self.stamp_ns - int(duration_s * 1e9)) & (times <= self.stamp_ns)))
 
     def newest(self, window: Window) -> tuple[Float32Array, int]:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next

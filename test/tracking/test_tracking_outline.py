@@ -178,7 +178,7 @@ def looked_at(
         contours.motion,
         contours.drawn,
     )
-    contours.begin(np.array([1.0, 0.0]), 1.0, 10)
+    contours.begin(np.array([1.0, 0.0, 0.0, 0.0]), 1.0, 10)
     contours.adapt(surface, span_s, trust, sees_covers=False)
     return contours
 

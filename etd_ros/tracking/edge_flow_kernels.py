@@ -1,0 +1,130 @@
+"""Compiled parts of `edge_flow`. Kernels that call each other share this file, or numba would miss changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from etd_ros.tracking.contour_kernels import Float64Array
+
+REACH, NEIGHBOURS_MIN = 2, 7
+"""A plane is fitted to the event times of a pixel and of those so far to each side of it, if so many have one: a line
+and two pixels more, as one line has no slope across it."""
+FITS, STRAY_PX = 3, 1.5
+"""It is fitted so often; pixels are left out that are off the last one by more than the edge takes for so much way."""
+SPREAD_MIN = 1e-3
+"""Pixels whose places vary less, all on a line, have no plane."""
+SLOWNESS_MIN = 1e-6
+"""Edges that would be faster than the inverse of this (pixels/s) have come at once, by a lamp."""
+NORMAL_X, NORMAL_Y, SPEED, RIGHT, BELOW = range(5)
+COLUMNS = 5
+"""Columns of a flow: which way its edge moves, how fast (pixels/s), and where it is beside a middle (pixels)."""
+PARTS = 3
+"""Of a motion here: x, y (pixels/s), growing (1/s)."""
+ROUNDS, STRAYING = 8, 2.0
+"""Least squares are weighted again so often; a flow that strays by so many deviations counts a quarter."""
+DEVIATION_OF_MEDIAN = 1.4826
+"""Of normally distributed values, over the median of their sizes."""
+DEVIATION_FLOOR = 1e-6
+RIDGE = 1e-9
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _plane(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, row: int, column: int, channel: int
+           ) -> tuple[float, float]:  # fmt: skip
+    """By how much later (s) the edge that an event pixel is of comes by a pixel farther to the right and by one farther
+    down; 0, 0 where that is not known."""
+    height, width, _ = times.shape
+    first = times[row, column, channel]
+    right = below = middle = stray_s = 0.0
+    for fit in range(FITS):
+        n = sum_x = sum_y = sum_t = xx = xy = yy = xt = yt = 0.0
+        for dy in range(max(-REACH, -row), min(REACH, height - 1 - row) + 1):
+            for dx in range(max(-REACH, -column), min(REACH, width - 1 - column) + 1):
+                time = times[row + dy, column + dx, channel]
+                if time <= oldest_ns or time > now_ns:
+                    continue
+                late_s = (time - first) * 1e-9
+                if fit > 0 and abs(right * dx + below * dy + middle - late_s) > stray_s:
+                    continue
+                n += 1
+                sum_x += dx
+                sum_y += dy
+                sum_t += late_s
+                xx += dx * dx
+                xy += dx * dy
+                yy += dy * dy
+                xt += dx * late_s
+                yt += dy * late_s
+        if n < NEIGHBOURS_MIN:
+            return 0.0, 0.0
+        xx -= sum_x * sum_x / n
+        xy -= sum_x * sum_y / n
+        yy -= sum_y * sum_y / n
+        xt -= sum_x * sum_t / n
+        yt -= sum_y * sum_t / n
+        determinant = xx * yy - xy * xy
+        if determinant < SPREAD_MIN * n * n:
+            return 0.0, 0.0
+        right, below = (yy * xt - xy * yt) / determinant, (xx * yt - xy * xt) / determinant
+        middle = (sum_t - right * sum_x - below * sum_y) / n
+        stray_s = STRAY_PX * np.sqrt(right * right + below * below)
+    return right, below
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def flows_of(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
+             x: float, y: float, flows: Float64Array) -> int:  # fmt: skip
+    """The flows of the edges in a window beside a middle; their number. Of more event pixels than fit every second,
+    third, ... is taken."""
+    events = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                events += oldest_ns < times[row, column, channel] <= now_ns
+    stride = 1 + events // len(flows)
+    number = events = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                if not oldest_ns < times[row, column, channel] <= now_ns:
+                    continue
+                events += 1
+                if events % stride or number == len(flows):
+                    continue
+                later_right, later_below = _plane(times, now_ns, oldest_ns, row, column, channel)
+                slowness = np.sqrt(later_right * later_right + later_below * later_below)
+                if slowness > SLOWNESS_MIN:
+                    flow = flows[number]
+                    flow[NORMAL_X], flow[NORMAL_Y] = later_right / slowness, later_below / slowness
+                    flow[SPEED] = 1 / slowness
+                    flow[RIGHT], flow[BELOW] = column + 0.5 - x, row + 0.5 - y
+                    number += 1
+    return number
+
+
+@njit(cache=True, nogil=True)
+def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) -> None:
+    """The motion with which the flows go best, and its standard errors, into `motion` and `error`, shape (PARTS,):
+    iteratively reweighted least squares, as some edges are of something else."""
+    count = len(flows)
+    weights, strays = np.ones(count), np.empty(count)
+    rows = np.empty((count, PARTS))
+    rows[:, 0], rows[:, 1] = flows[:, NORMAL_X], flows[:, NORMAL_Y]
+    rows[:, 2] = flows[:, NORMAL_X] * flows[:, RIGHT] + flows[:, NORMAL_Y] * flows[:, BELOW]
+    for _ in range(ROUNDS):
+        squares, sums = RIDGE * np.eye(PARTS), np.zeros(PARTS)
+        for i in range(count):
+            for j in range(PARTS):
+                sums[j] += weights[i] * rows[i, j] * flows[i, SPEED]
+                for k in range(PARTS):
+                    squares[j, k] += weights[i] * rows[i, j] * rows[i, k]
+        inverse = np.linalg.inv(squares)
+        motion[:] = inverse @ sums
+        strays[:] = flows[:, SPEED] - rows @ motion
+        deviation = DEVIATION_OF_MEDIAN * np.median(np.abs(strays)) + DEVIATION_FLOOR
+        for i in range(count):
+            weights[i] = 1 / (1 + (strays[i] / (STRAYING * deviation)) ** 2) ** 2
+        for j in range(PARTS):
+            error[j] = deviation * np.sqrt(inverse[j, j])

@@ -1,0 +1,132 @@
+"""How fast a target grows, by the flow of its edges.
+
+Looks hardly tell: the model of a thing that comes nearer is found again on the edge that moves most, and what the
+others do is taken for a poor fit. The flow needs no model, and says how far it is to be believed. But it takes in all
+edges in the box, and so counts only where there are few round it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.edge_flow import EdgeFlow
+from etd_ros.tracking.surface import TimeSurface
+
+FLOW_MARGIN_PX = 2.0
+"""How far round a box its own edges lie."""
+ERRORS, ERROR_FLOOR_PER_S = 3.0, 0.1
+"""The flow is off by so many times its standard error, as neighbours go wrong together, and by so much besides."""
+START_SPAN_S = 0.1
+"""A start takes the flow of so much time, if it lasts as long."""
+START_ERRORS, START_MOVED_PX = 4.0, 1.0
+"""What starts grows if that is so many standard errors from 0, and has moved its outline by so much."""
+START_USUAL_PER_S = 0.5
+"""How fast things usually grow: less sure flows are believed by less."""
+MEASURE_S = 0.02
+SPAN_PX, SPAN_MIN_S, SPAN_MAX_S = 6.0, 0.01, 0.3
+"""The flow of so much motion is taken. Of less, only the fastest edges have come far enough to be seen."""
+MOVED_MIN_PX = 2.0
+ERROR_MAX_PER_S = 0.15
+"""A flow with a larger standard error is not asked."""
+RING_SCALES, RING_MAX = (1.4, 2.0), 0.15
+"""Where there are more events in a ring round the box, so many times as wide and high, than this share of those in it,
+for each pixel, the edges in the box may be those of what lies behind. It leaves room for what has outgrown its box."""
+UNKNOWN_PER_S, CHANGES_PER_S = 1.5, 1.6
+"""How fast a target may grow of which nothing is known, and by how much that may change within a second."""
+
+
+def arm_px(width_px: float, height_px: float) -> float:
+    """How far a box's outline is from its middle, usually (pixels)."""
+    return (width_px + height_px) / 4
+
+
+def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float, float]:
+    """How fast a target grows since its start (1/s) by the flow of its edges, and how far the flow is believed, 0 to 1;
+    0, 0 where it may as well not grow.
+
+    Args:
+        flow: of its edges.
+        arm_px: how far its outline is from its middle (pixels).
+        time_s: since its start (s).
+    """
+    growing_per_s = flow.growing_per_s
+    has_moved = abs(growing_per_s) * arm_px * time_s >= START_MOVED_PX
+    if not has_moved or abs(growing_per_s) < START_ERRORS * flow.growing_error:
+        return 0.0, 0.0
+    share = 1 / (1 + (_error(flow) / START_USUAL_PER_S) ** 2)
+    return share * growing_per_s, share
+
+
+class GrowthByFlow:
+    """Puts a target's rate of growth right while it is followed: a Kalman filter of the rate alone, which is corrected
+    by the lesser of two flows that agree about its sign."""
+
+    def __init__(self) -> None:
+        self._measured_ns = 0
+        self._last_per_s: float | None = None
+        self._variance = UNKNOWN_PER_S**2
+
+    def correction(
+        self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, growing_per_s: float
+    ) -> float:
+        """What to add to the rate of growth (1/s).
+
+        Args:
+            surface: the events.
+            box: the target's (pixels).
+            place: x, y of its middle (pixels).
+            speed_px_s: how fast it moves.
+            growing_per_s: how fast it is taken to grow (1/s).
+        """
+        since_s = (surface.stamp_ns - self._measured_ns) * 1e-9
+        if since_s < MEASURE_S:
+            return 0.0
+        self._measured_ns = surface.stamp_ns
+        self._variance = min(self._variance + CHANGES_PER_S**2 * since_s, UNKNOWN_PER_S**2)
+        arm = arm_px(box.w, box.h)
+        fastest_px_s = max(speed_px_s, abs(growing_per_s) * arm, 1e-3)
+        span_s = min(max(SPAN_PX / fastest_px_s, SPAN_MIN_S), SPAN_MAX_S)
+        flow = self._flow(surface, box, place, span_s)
+        last_per_s, self._last_per_s = self._last_per_s, None if flow is None else flow.growing_per_s
+        if flow is None or last_per_s is None:
+            return 0.0
+        moved_px = math.hypot(*flow.velocity.tolist(), flow.growing_per_s * arm) * span_s
+        more, more_before = flow.growing_per_s - growing_per_s, last_per_s - growing_per_s
+        if moved_px < MOVED_MIN_PX or more * more_before <= 0:
+            return 0.0
+        # Flows of times that overlap say the same again.
+        variance = _error(flow) ** 2 * max(1.0, span_s / since_s)
+        gain = self._variance / (self._variance + variance)
+        self._variance *= 1 - gain
+        return gain * min(more, more_before, key=abs)
+
+    @staticmethod
+    def _flow(surface: TimeSurface, box: Box, place: Float64Array, span_s: float) -> EdgeFlow | None:
+        """The flow of a target's edges, if it can be believed."""
+        x, y = place.tolist()
+        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y)
+        if flow is None or flow.growing_error > ERROR_MAX_PER_S or not _stands_alone(surface, box, span_s):
+            return None
+        return flow
+
+
+def _stands_alone(surface: TimeSurface, box: Box, span_s: float) -> bool:
+    """Whether there are few events round a box beside those in it."""
+    inner, outer = (box.scaled(scale) for scale in RING_SCALES)
+    (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
+        _events_and_pixels(surface, part, span_s) for part in (box, inner, outer)
+    )
+    around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
+    return around <= RING_MAX * events / pixels
+
+
+def _events_and_pixels(surface: TimeSurface, box: Box, span_s: float) -> tuple[int, int]:
+    top, bottom, left, right = window = surface.window(box, 0.0)
+    return surface.count(window, span_s), max(1, (bottom - top) * (right - left))
+
+
+def _error(flow: EdgeFlow) -> float:
+    """How far off a flow's rate of growth is to be expected (1/s)."""
+    return ERRORS * flow.growing_error + ERROR_FLOOR_PER_S

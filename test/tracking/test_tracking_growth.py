@@ -1,0 +1,159 @@
+"""What comes nearer or goes away is followed by a box that grows and shrinks with it."""
+
+import numpy as np
+import pytest
+from tracked_scenes import frames_of, overlap, scene_of, tracked
+
+from etd_ros.boxes import Box
+from etd_ros.simulation import Scene, SensorConfig, Sprite, Waypoint
+from etd_ros.tracking import ContourConfig, TargetState
+from etd_ros.tracking.edge_flow import EdgeFlow
+from etd_ros.tracking.growth import (
+    ERROR_MAX_PER_S,
+    MEASURE_S,
+    RING_SCALES,
+    START_MOVED_PX,
+    GrowthByFlow,
+    arm_px,
+    growth_at_start,
+)
+
+DURATION_S = 0.7
+NEARS_S = 1.5
+X, Y = 120, 90
+BOX = Box(100, 70, 40, 40)
+PLACE = np.array(BOX.center)
+
+
+def scaled(*, nears, moves_px_s=0.0, duration_s=DURATION_S):
+    """A square that comes nearer at constant speed to touch the camera after NEARS_S, or the same backwards."""
+    waypoints = []
+    for time_s in np.linspace(0, duration_s, 15).tolist():
+        scale = 1 / (1 - (time_s if nears else duration_s - time_s) / NEARS_S)
+        waypoints.append(Waypoint(time_s, X + moves_px_s * time_s, Y, scale))
+    return scene_of(*waypoints, duration_s=duration_s)
+
+
+def disc_that_nears():
+    """A bright disc without texture."""
+    rows, columns = np.mgrid[:24, :24]
+    mask = (np.hypot(columns - 11.5, rows - 11.5) < 12).astype(float)
+    scene = scaled(nears=True)
+    (square,) = scene.sprites
+    disc = Sprite("thing", np.full((24, 24), 0.9), mask, square.path)
+    return Scene(scene.width, scene.height, scene.duration_s, scene.background, (disc,))
+
+
+def last_overlaps(found):
+    """The IoU in the last tenth of a second."""
+    return [overlap(report, truth) for time_s, report, truth in found if time_s > DURATION_S - 0.1]
+
+
+@pytest.mark.parametrize("moves_px_s", [0.0, 30.0])
+@pytest.mark.parametrize("nears", [True, False])
+def test_what_comes_nearer_or_goes_away_is_followed(nears, moves_px_s):
+    found = tracked(scaled(nears=nears, moves_px_s=moves_px_s), start_s=0.02)
+    assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
+    assert np.mean(last_overlaps(found)) > 0.7
+
+
+def test_what_has_no_texture_is_followed_too():
+    assert np.mean(last_overlaps(tracked(disc_that_nears(), start_s=0.02))) > 0.7
+
+
+def test_a_box_whose_size_is_kept_does_not_grow():
+    found = tracked(scaled(nears=True), config=ContourConfig(refine_gain=0.0, scale_gain=0.0, angle_gain=0.0))
+    sides = {round(report.box.w, 6) for _, report, _ in found if report.box}
+    assert len(sides) == 1
+
+
+def test_what_moves_along_is_not_taken_to_grow():
+    scene = scene_of(Waypoint(0, 60, Y), Waypoint(DURATION_S, 60 + 100 * DURATION_S, Y), duration_s=DURATION_S)
+    sides = [report.box.w / truth.w for _, report, truth in tracked(scene)]
+    assert 0.9 < min(sides) <= max(sides) < 1.1
+
+
+def flow(growing_per_s, error=0.05, velocity=(0.0, 0.0)):
+    return EdgeFlow(np.array(velocity), growing_per_s, error)
+
+
+def test_a_start_believes_a_sure_flow_and_its_velocity_by_the_same_share():
+    growing_per_s, share = growth_at_start(flow(1.5), 20.0, 0.1)
+    assert growing_per_s == pytest.approx(1.5 * share)
+    assert 0.7 < share < 1
+    assert growth_at_start(flow(1.5, 0.3), 20.0, 0.1)[1] < share
+
+
+def test_a_start_takes_a_flow_that_is_unsure_or_of_hardly_any_motion_for_none():
+    assert growth_at_start(flow(1.5, 0.5), 20.0, 0.1) == (0.0, 0.0)
+    assert growth_at_start(flow(1.5), 20.0, START_MOVED_PX / 20 / 1.6) == (0.0, 0.0)
+
+
+class FlowingSurface:
+    """Has these flows one after the other, and so many events in a box and round it."""
+
+    def __init__(self, flows, *, inside=400, around=0):
+        self._flows, self._counts = iter(flows), (inside, inside + around)
+        self.stamp_ns = 0
+
+    def flow(self, window, duration_s, x, y):
+        return next(self._flows)
+
+    def window(self, box, margin):
+        return 0, round(box.h), 0, round(box.w)
+
+    def count(self, window, duration_s):
+        return self._counts[window[1] > RING_SCALES[0] * BOX.h + 1]
+
+
+def corrections(surface, growing_per_s=0.0, times=2, step_s=MEASURE_S):
+    growth, found = GrowthByFlow(), []
+    for _ in range(times):
+        surface.stamp_ns += round(step_s * 1e9)
+        found.append(growth.correction(surface, BOX, PLACE, 50.0, growing_per_s))
+    return found
+
+
+def test_a_rate_is_put_right_by_the_lesser_of_two_flows():
+    first, second = corrections(FlowingSurface([flow(2.0), flow(1.0)]))
+    assert first == 0.0
+    assert 0.3 < second < 1.0
+
+
+@pytest.mark.parametrize(
+    ("flows", "growing_per_s"),
+    [
+        ([flow(2.0), flow(-1.0)], 0.0),
+        ([flow(2.0), flow(1.0)], 1.5),
+        ([flow(2.0), None], 0.0),
+        ([None, flow(2.0)], 0.0),
+        ([flow(2.0), flow(2.0, ERROR_MAX_PER_S + 0.01)], 0.0),
+        ([flow(0.02), flow(0.02)], 0.0),
+    ],
+    ids=["disagree", "on both sides of it", "none now", "none before", "unsure", "hardly any motion"],
+)
+def test_other_flows_change_nothing(flows, growing_per_s):
+    assert corrections(FlowingSurface(flows), growing_per_s) == [0.0, 0.0]
+
+
+def test_a_flow_amid_other_things_changes_nothing():
+    assert corrections(FlowingSurface([flow(2.0), flow(2.0)], around=800)) == [0.0, 0.0]
+
+
+def test_flows_are_not_measured_more_often_than_they_change():
+    assert corrections(FlowingSurface([flow(2.0)]), times=2, step_s=0.6 * MEASURE_S)[0] == 0.0
+
+
+def test_a_known_rate_is_changed_less_than_an_unknown_one():
+    found = corrections(FlowingSurface([flow(2.0)] * 6), times=6)
+    assert found[1] > found[-1] > 0
+
+
+def test_the_outline_is_half_a_side_from_the_middle():
+    assert arm_px(40, 20) == 15
+
+
+def test_noise_makes_nothing_grow():
+    scene = scene_of(Waypoint(0, X, Y), Waypoint(1, X, Y), duration_s=0.5)
+    found = tracked(scene, frames=frames_of(scene, noise_rate_hz=SensorConfig().noise_rate_hz * 10))
+    assert max(abs(report.box.w / truth.w - 1) for _, report, truth in found) < 0.05
