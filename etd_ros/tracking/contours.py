@@ -95,7 +95,7 @@ class Contours:
         self.velocity = np.zeros(2)
         self._turning = SteadyChange(TURN_GAIN)
         self._growing = SteadyChange(GROWTH_GAIN)
-        self._growth_by_flow = GrowthByFlow()
+        self._growth_by_flow: GrowthByFlow | None = None
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self._model_box = ModelBox(box.w, box.h)
@@ -299,11 +299,13 @@ class Contours:
     def stop(self) -> None:
         """Take the target to be at rest."""
         self.velocity[:] = 0
+        self._growth_by_flow = None
         self._turning.stop()
         self._growing.stop()
 
     def grow_since(self, scale: float, growing_per_s: float, time_s: float) -> None:
-        """The target has grown at a rate (1/s) for a time (s), from a scale."""
+        """The target has grown at a rate (1/s) for a time (s), from a scale, by the flow of its edges."""
+        self._growth_by_flow = GrowthByFlow() if growing_per_s != 0 else None
         self._growing.per_s = growing_per_s
         self.pose[SCALE] = scale
         self._grow(growing_per_s * time_s)
@@ -431,11 +433,14 @@ class Contours:
             self._growing.doubt_if_below_0()
 
     def _take_growth_of_flow(self, surface: TimeSurface) -> None:
-        """Believe how fast the target grows by the flow of its edges, unless its size is kept."""
-        if self.config.scale_gain > 0:
-            self._growing.per_s += self._growth_by_flow.correction(
+        """Believe how fast a target that began to grow does so by the flow of its edges. Of others, what passes before
+        or behind them would be taken for it."""
+        if self._growth_by_flow is not None:
+            correction = self._growth_by_flow.correction(
                 surface, self.box, self.pose[:2], self.speed_px_s, self._growing.per_s
             )
+            # What something covers seems to shrink.
+            self._growing.per_s += (1 - self.covered) * correction
 
     def _note_direction(self) -> None:
         arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]

@@ -12,7 +12,7 @@ import math
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow
-from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surface import TimeSurface, Window
 
 FLOW_MARGIN_PX = 2.0
 """How far round a box its own edges lie."""
@@ -30,9 +30,10 @@ SPAN_PX, SPAN_MIN_S, SPAN_MAX_S = 6.0, 0.01, 0.3
 MOVED_MIN_PX = 2.0
 ERROR_MAX_PER_S = 0.15
 """A flow with a larger standard error is not asked."""
-RING_SCALES, RING_MAX = (1.4, 2.0), 0.15
-"""Where there are more events in a ring round the box, so many times as wide and high, than this share of those in it,
-for each pixel, the edges in the box may be those of what lies behind. It leaves room for what has outgrown its box."""
+RING_SCALE, RING_PX, RING_MAX = 1.2, 4.0, 0.15
+"""Where there are more events in a ring than this share of those in the box, for each pixel, the edges in the box may
+be those of what lies behind. The ring is so wide, as the surface is kept up to date no farther out, round the box so
+many times as wide and high, which leaves room for what has outgrown it."""
 UNKNOWN_PER_S, CHANGES_PER_S = 1.5, 1.6
 """How fast a target may grow of which nothing is known, and by how much that may change within a second."""
 
@@ -114,17 +115,18 @@ class GrowthByFlow:
 
 def _stands_alone(surface: TimeSurface, box: Box, span_s: float) -> bool:
     """Whether there are few events round a box beside those in it."""
-    inner, outer = (box.scaled(scale) for scale in RING_SCALES)
+    own = surface.window(box, 0.0)
+    within, wide = (surface.window(box.scaled(RING_SCALE), margin) for margin in (0.0, RING_PX))
     (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
-        _events_and_pixels(surface, part, span_s) for part in (box, inner, outer)
+        (surface.count(window, span_s), _pixels(window)) for window in (own, within, wide)
     )
     around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
-    return around <= RING_MAX * events / pixels
+    return around <= RING_MAX * events / max(1, pixels)
 
 
-def _events_and_pixels(surface: TimeSurface, box: Box, span_s: float) -> tuple[int, int]:
-    top, bottom, left, right = window = surface.window(box, 0.0)
-    return surface.count(window, span_s), max(1, (bottom - top) * (right - left))
+def _pixels(window: Window) -> int:
+    top, bottom, left, right = window
+    return (bottom - top) * (right - left)
 
 
 def _error(flow: EdgeFlow) -> float:
