@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
@@ -12,6 +14,12 @@ from etd_ros.tracking.clusters import Sighting
 
 STEADY_IOU = 0.6
 """A candidate's box is steady if it fits the one before it, moved on, at least so well."""
+WAY_LOOKS = 16
+"""Whether a candidate goes anywhere is told from so many looks at most: what turns back goes somewhere in between."""
+WAY_ERRORS = 3.0
+"""It does if its velocity is so many times its standard error: what flickers is seen now here, now there."""
+BOX_ERROR_SHARE = 0.015
+"""Boxes are off by this share of their longer side at least, also where a few of them happen to lie on a line."""
 
 
 @dataclass(slots=True)
@@ -37,6 +45,10 @@ class Candidate:
     fit: float = 0.0
     is_taken: bool = False
     inside: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    _way: deque[tuple[float, float, float]] = field(default_factory=lambda: deque(maxlen=WAY_LOOKS))
+
+    def __post_init__(self) -> None:
+        self._way.append((0.0, *self.start))
 
     def fits(self, sighting: Sighting, stamp_ns: int) -> float:
         """IoU of a sighting's box with where the candidate has got to, with the mean of both velocities."""
@@ -49,6 +61,7 @@ class Candidate:
         self.fit = self.fits(sighting, stamp_ns)
         self.sighting, self.stamp_ns = sighting, stamp_ns
         self.looks += 1
+        self._way.append(((stamp_ns - self.first_ns) * 1e-9, *sighting.box.center))
 
     def hold(self, names: Collection[str]) -> None:
         """Note the targets that lie in it now."""
@@ -64,3 +77,17 @@ class Candidate:
         """How far it is from where it was seen first."""
         x, y = self.sighting.box.center
         return float(np.hypot(x - self.start[0], y - self.start[1]))
+
+    @property
+    def is_on_its_way(self) -> bool:
+        """Whether it goes somewhere: a straight line through its places says so, as surely as they lie on it."""
+        way = np.array(self._way)
+        times_s, places = way[:, 0] - way[:, 0].mean(), way[:, 1:] - way[:, 1:].mean(axis=0)
+        squares = float(times_s @ times_s)
+        if squares == 0:
+            return False
+        velocity = times_s @ places / squares
+        strayed = max(0.0, float((places**2).sum() - (velocity**2).sum() * squares)) / 2
+        box_error_px = BOX_ERROR_SHARE * max(self.sighting.box.w, self.sighting.box.h)
+        variance = (strayed + 2 * box_error_px**2) / len(way)
+        return float(np.hypot(*velocity)) >= WAY_ERRORS * math.sqrt(variance / squares)

@@ -100,7 +100,8 @@ class AutoTargets:
         is_seen_now = candidate.stamp_ns == self._discovery.stamp_ns
         is_seen = is_seen_now and candidate.looks >= LOOKS_MIN and seen_s >= self._discovery.config.seen_s
         is_in = seen_s >= BORDER_SEEN_S or not self._is_at_border(candidate.sighting.box)
-        return is_seen and is_in and candidate.is_steady and candidate.moved_px >= MOVED_MIN_PX
+        moves = candidate.moved_px >= MOVED_MIN_PX and candidate.is_on_its_way
+        return is_seen and is_in and candidate.is_steady and moves
 
     def _is_at_border(self, box: Box) -> bool:
         beyond_right = box.x + box.w >= self._width - BORDER_PX
