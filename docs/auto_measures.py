@@ -144,7 +144,7 @@ def _on_sensor(box: Box) -> Box:
 def main() -> None:
     """Print a line for each kind."""
     streets = [Street(seed, kind) for kind in KINDS for seed in seeds_asked_for(0, 3)]
-    found = of_each(covers, streets, jobs=2)
+    found = list(of_each(covers, streets, jobs=2))
     for kind in KINDS:
         shares = [share for of, cars, _ in found if of == kind for share in cars]
         strays = [stray for of, _, starts in found if of == kind for stray in starts]
