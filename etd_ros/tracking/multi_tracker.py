@@ -259,8 +259,13 @@ class MultiTracker:
         """Stop and start what the starter says, from the next frame on."""
         for name in changes.stops:
             self.stop(name)
+        stamp_ns = self._last_stamp_ns or 0
+        for name, box in changes.again:
+            # Not `start_again`: the starter goes on with it.
+            self._targets[name] = self._made(name, self._checked(name, box.at_least(SIDE_MIN_PX), stamp_ns), stamp_ns)
+            self._drawn_along.forget(name)
         for name, box in changes.starts:
-            self.start(name, box.at_least(SIDE_MIN_PX), self._last_stamp_ns or 0)
+            self.start(name, box.at_least(SIDE_MIN_PX), stamp_ns)
         self._notices += changes.notices
 
     def _reports(self, stamp_ns: int, frame: FrameData, image: FrameData | None) -> tuple[TargetReport, ...]:

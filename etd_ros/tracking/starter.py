@@ -12,6 +12,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.auto_targets import Absences, AutoTargets, are_twins
 from etd_ros.tracking.clicks import Click, Clicks
 from etd_ros.tracking.discovery import Discovery, DiscoveryConfig
+from etd_ros.tracking.own_targets import OwnTargets
 from etd_ros.tracking.target import TargetReport
 
 
@@ -22,11 +23,13 @@ class Changes:
     Attributes:
         starts: names and boxes (pixels) of new ones.
         stops: names of those to forget.
+        again: names and boxes (pixels) of those that were on a part of something, and go on with all of it.
         notices: sentences about clicks that start nothing.
     """
 
     starts: list[tuple[str, Box]] = field(default_factory=list)
     stops: list[str] = field(default_factory=list)
+    again: list[tuple[str, Box]] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
 
@@ -46,6 +49,7 @@ class Starter:
         self._clicks = Clicks(self._discovery)
         self._auto = AutoTargets(self._discovery, width, height) if auto else None
         self._absences = Absences()
+        self._own_targets = OwnTargets()
         self._own: list[str] = []
         self._last_number = 0
 
@@ -67,6 +71,7 @@ class Starter:
         """A target is stopped, or a click taken back."""
         self._clicks.forget(name)
         self._absences.forget(name)
+        self._own_targets.forget(name)
         if name in self._own:
             self._own.remove(name)
 
@@ -101,17 +106,41 @@ class Starter:
         self._discovery.look(thorough=clicks_are_due)
         changes.starts, changes.notices = self._clicks.take(stamp_ns, kept)
         if self._auto is not None:
-            self._auto.take()
-            boxes = [report.box for report in kept if report.box is not None]
-            boxes += [box for _, box in changes.starts]
-            own_room = self._config.max_targets - len(self._own)
-            room = own_room if room is None else min(room, own_room)
-            taken = {report.name for report in reports} | {click.name for click in self.waiting_clicks}
-            taken |= {name for name, _ in changes.starts}
-            changes.starts += [
-                (self._next_name(taken), box) for box in self._auto.ready(boxes, room + len(changes.stops))
-            ]
+            self._start_what_moves(self._auto, changes, kept, room)
         return changes
+
+    def _start_what_moves(
+        self, auto: AutoTargets, changes: Changes, reports: Sequence[TargetReport], room: int | None
+    ) -> None:
+        """Add what starts by itself, and what goes on with all of something, to a frame's changes."""
+        auto.take()
+        reports = self._made_whole(auto, changes, reports)
+        boxes = [report.box for report in reports if report.box is not None]
+        boxes += [box for _, box in (*changes.again, *changes.starts)]
+        own_room = self._config.max_targets - len(self._own)
+        room = own_room if room is None else min(room, own_room)
+        taken = {report.name for report in reports} | {click.name for click in self.waiting_clicks}
+        taken |= {name for name, _ in changes.starts} | set(self._own)
+        changes.starts += [(self._next_name(taken), box) for box in auto.ready(boxes, room + len(changes.stops))]
+
+    def _made_whole(
+        self, auto: AutoTargets, changes: Changes, reports: Sequence[TargetReport]
+    ) -> Sequence[TargetReport]:
+        """Have the oldest of the targets that are parts of something go on with all of it, and stop the others; the
+        reports of the rest."""
+        own = self._own_targets.take(
+            self._discovery.stamp_ns, [report for report in reports if report.name in self._own]
+        )
+        others = [report.box for report in reports if report.box is not None and report.name not in self._own]
+        others += [box for _, box in changes.starts]
+        parts: set[str] = set()
+        for whole in auto.wholes(own, others):
+            first, *rest = whole.names
+            changes.again.append((first, whole.box))
+            changes.stops += rest
+            self._own_targets.begin_again(first)
+            parts.update(whole.names)
+        return [report for report in reports if report.name not in parts]
 
     def _next_name(self, taken: Collection[str]) -> str:
         name = ""

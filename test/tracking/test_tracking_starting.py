@@ -9,6 +9,7 @@ from etd_ros.events import concatenate
 from etd_ros.settings import Settings
 from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.simulation.textures import checks, smooth_noise
+from etd_ros.simulation.things import car
 from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
 from etd_ros.tracking.contour_target import ContourTarget
 
@@ -127,6 +128,24 @@ def test_what_vanished_behind_something_is_dropped_also_where_it_is_held(monkeyp
     assert seen == {"auto_1"}
     assert unseen == {said}
     assert not tracker.targets
+
+
+def test_a_car_whose_part_was_seen_first_has_one_target_with_all_of_it():
+    rng = np.random.default_rng(7)
+    wall = 0.5 + 0.05 * smooth_noise(rng, 180, 240)
+    texture, opacity = car(rng, 80)
+    way = Path([Waypoint(0, -40, 90), Waypoint(1.0, 143, 90)])
+    scene = Scene(240, 180, 1.0, wall, (Sprite("car", texture, opacity, way),))
+    tracker = tracker_of(scene)
+    first = None
+    for frame in FrameSource("atsltd_fine", 240, 180, Settings()).frames(concatenate(list(simulate(scene, seed=1)))):
+        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+        if reports and first is None:
+            first = overlap(reports[0].box, scene.box("car", frame.stamp_ns * 1e-9))
+    [last] = reports
+    assert first < 0.2
+    assert last.name == "auto_1"
+    assert overlap(last.box, scene.box("car", frame.stamp_ns * 1e-9)) > 0.8
 
 
 def test_names_of_clicks_that_wait_are_not_given_to_anything_else(ball):
