@@ -66,17 +66,12 @@ def test_every_method_is_as_accurate_on_the_bundled_recording_as_it_has_been(met
 
 
 def test_no_method_claims_to_see_the_tin_while_it_is_hidden(method_tracks):
-    method, tracks = method_tracks
+    _, tracks = method_tracks
     first_ns, last_ns = TIN_HIDDEN_NS
     hidden = [row for row in tracks["tin"] if first_ns <= row.stamp_ns <= last_ns]
     assert {row.score for row in hidden} == {0.0}
-    if method == "etd-plus":
-        # Without events it may have stopped as well: its box stays where it was seen last.
-        assert {row.state for row in hidden} == {"tracking"}
-        assert len({row.box for row in hidden}) == 1
-    else:
-        assert {row.state for row in hidden} <= {"recovering", "lost"}
-        assert {row.box for row in hidden} == {None}
+    assert {row.state for row in hidden} <= {"recovering", "lost"}
+    assert {row.box for row in hidden} == {None}
 
 
 def test_the_hidden_tin_is_found_again_only_with_recovery(method_tracks, truth_file):
