@@ -24,6 +24,8 @@ START_ERRORS, START_MOVED_PX = 4.0, 1.0
 """What starts grows if that is so many standard errors from 0, and has moved its outline by so much."""
 START_USUAL_PER_S = 0.5
 """How fast things usually grow: less sure flows are believed by less."""
+START_SHARE_MIN = 0.2
+"""What is believed by less is not worth a change of the start."""
 MEASURE_S = 0.02
 SPAN_PX, SPAN_MIN_S, SPAN_MAX_S = 6.0, 0.01, 0.3
 """The flow of so much motion is taken. Of less, only the fastest edges have come far enough to be seen."""
@@ -45,7 +47,7 @@ def arm_px(width_px: float, height_px: float) -> float:
 
 def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float, float]:
     """How fast a target grows since its start (1/s) by the flow of its edges, and how far the flow is believed, 0 to 1;
-    0, 0 where it may as well not grow.
+    0, 0 where it may as well not grow, or the flow is hardly believed.
 
     Args:
         flow: of its edges.
@@ -57,7 +59,7 @@ def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float
     if not has_moved or abs(growing_per_s) < START_ERRORS * flow.growing_error:
         return 0.0, 0.0
     share = 1 / (1 + (_error(flow) / START_USUAL_PER_S) ** 2)
-    return share * growing_per_s, share
+    return (share * growing_per_s, share) if share > START_SHARE_MIN else (0.0, 0.0)
 
 
 class GrowthByFlow:

@@ -86,6 +86,7 @@ def test_a_start_believes_a_sure_flow_and_its_velocity_by_the_same_share():
 def test_a_start_takes_a_flow_that_is_unsure_or_of_hardly_any_motion_for_none():
     assert growth_at_start(flow(1.5, 0.5), 20.0, 0.1) == (0.0, 0.0)
     assert growth_at_start(flow(1.5), 20.0, START_MOVED_PX / 20 / 1.6) == (0.0, 0.0)
+    assert growth_at_start(flow(10.0, 2.0), 20.0, 0.1) == (0.0, 0.0)
 
 
 class FlowingSurface:
