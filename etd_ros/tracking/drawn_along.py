@@ -5,10 +5,11 @@ Looks cannot tell: the model of what is hidden learns what hides it within a few
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float64Array
@@ -71,14 +72,12 @@ class DrawnAlong:
         self._checked_ns = stamp_ns
         elapsed_s = min(elapsed_s, CHECK_MAX_S)
         followed = [target for target in targets if target.is_followed]
-        boxes = [target.last_box for target in followed]
+        shares = _common_shares([target.last_box for target in followed])
         touching: set[str] = set()
-        for (one, box), (other, other_box) in itertools.combinations(zip(followed, boxes, strict=True), 2):
-            share = _common_share(box, other_box)
-            if share < CLEAR_SHARE:
-                continue
+        for first, second in np.argwhere(np.triu(shares >= CLEAR_SHARE, 1)).tolist():
+            one, other = followed[first], followed[second]
             touching |= {one.name, other.name}
-            for target in self._drawn(one, other) if share > MET_SHARE else ():
+            for target in self._drawn(one, other) if shares[first, second] > MET_SHARE else ():
                 self._doubt(stamp_ns, target, elapsed_s)
         for target in followed:
             if target.name not in touching and target.is_sure:
@@ -123,8 +122,9 @@ def _apart(velocity: Float64Array, other: Float64Array) -> float:
     return math.dist(velocity.tolist(), other.tolist())
 
 
-def _common_share(one: Box, other: Box) -> float:
-    """The share of the smaller box that lies in the other one."""
-    right = min(one.x + one.w, other.x + other.w) - max(one.x, other.x)
-    down = min(one.y + one.h, other.y + other.h) - max(one.y, other.y)
-    return max(0.0, right) * max(0.0, down) / min(one.w * one.h, other.w * other.h)
+def _common_shares(boxes: Sequence[Box]) -> Float64Array:
+    """The share of the smaller box of each two that lies in the other one, shape (boxes, boxes)."""
+    x, y, w, h = np.array(boxes, np.float64).reshape(-1, 4).T
+    right = np.minimum.outer(x + w, x + w) - np.maximum.outer(x, x)
+    down = np.minimum.outer(y + h, y + h) - np.maximum.outer(y, y)
+    return np.asarray(np.maximum(right, 0.0) * np.maximum(down, 0.0) / np.minimum.outer(w * h, w * h), np.float64)
