@@ -140,10 +140,8 @@ class ContourTarget:
     def longest_frame_s(self) -> float:
         """How long the next frames may last (s): until it has moved by `frame_motion` of its size; inf where its motion
         is not known."""
-        is_followed = self._state is TargetState.TRACKING and self._start_up is None
-        is_sure = is_followed and self._failing_s == 0 and self._settling == 0
         sizes_per_s = self._contours.sizes_per_s
-        if not is_sure or sizes_per_s == 0:
+        if not (self.is_followed and self.is_sure) or sizes_per_s == 0:
             return math.inf
         # What is not fast is looked at no more often.
         shortest_s = FRAME_MIN_S if sizes_per_s > FAST_SIZES_PER_S else WAIT_MIN_S
@@ -268,10 +266,9 @@ class ContourTarget:
         gap_s = (self._surface.start_ns - before_ns) * 1e-9
         if self._state in (TargetState.RECOVERING, TargetState.LOST) and gap_s > UNSEEN_SHORT_S:
             self._search.wait()
-        is_followed = self._state is TargetState.TRACKING and self._start_up is None
         moved_px = self._contours.speed_px_s * unseen_s
         radius_px = self._contour_config.search_radius
-        if not is_followed or moved_px <= radius_px or unseen_s <= UNSEEN_SHORT_S:
+        if not self.is_followed or moved_px <= radius_px or unseen_s <= UNSEEN_SHORT_S:
             return
         self._settling = max(self._settling, 1)
         if unseen_s > UNSEEN_S and moved_px > UNSEEN_RADII * radius_px:

@@ -341,8 +341,7 @@ class Contours:
 
     def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
         """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
-        self._memories.recall(impression.remembered)
-        self.direction = impression.direction
+        self.recall(impression)
         self.pose[:] = *box.center, 1.0, impression.angle_rad
         self._model_box.reset()
         upright = self.box
@@ -351,8 +350,6 @@ class Contours:
         self._pace.forget()
         self.stamp_ns = stamp_ns
         self.stop()
-        self.uncover()
-        self.keep_memories()
 
     def uncover(self) -> None:
         """Trust all of the target again: where it is found, what covered it is elsewhere."""
