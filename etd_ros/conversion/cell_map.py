@@ -130,6 +130,7 @@ class CellMap(NamedTuple):
         gains_high, gains_low: uint32, (16,): the same in two parts, high 2^LOW_BITS + low; for cells of one tile.
         entropy_full: the entropy of a channel of which all pixels have events, of distinct levels, in the same units.
         loss: float64, (m + 1,): what it loses by the next pixel of a level that c pixels have already.
+        shared_loss: float64, (m + 1,): what it loses by c pixels of one level in all.
         columns: cells in a row, 0 where a cell is not a whole tile of 4 x 4 pixels.
         slots: uint32, (512,): scratch for a block of events.
         seen: uint32, (512,), levels: uint8, (32,): scratch of the readout.
@@ -154,6 +155,7 @@ class CellMap(NamedTuple):
     entropy_one: float
     entropy_full: int
     loss: FloatArray
+    shared_loss: FloatArray
     columns: int
     slots: npt.NDArray[np.uint32]
     seen: npt.NDArray[np.uint32]
@@ -176,6 +178,7 @@ def cells_in(store: CellStore) -> CellMap:
     levels, rest = rest[: TILE_SLOTS // 8].view(np.uint8), rest[TILE_SLOTS // 8 :]
     gains, rest = rest[:counts_max], rest[counts_max:]
     loss, rest = rest[:counts_max].view(np.float64), rest[counts_max:]
+    shared_loss, rest = rest[:counts_max].view(np.float64), rest[counts_max:]
     sample, rest = rest[:groups].view(np.uint64), rest[groups:]
     whole, narrow = rest[:groups].view(np.uint64), rest[groups:].view(np.uint32)
     row_slot, narrow = narrow[: sizes["height"]], narrow[sizes["height"] :]
@@ -187,7 +190,7 @@ def cells_in(store: CellStore) -> CellMap:
     return CellMap(
         row_slot, column_slot, last, words[:tiles], tile_byte, slot_byte, sizes["tile_shift"], is_counted,
         sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], whole, gains, gains_high, gains_low,
-        sizes["entropy_one"], sizes["entropy_full"], loss, sizes["columns"], slots, seen, levels,
+        sizes["entropy_one"], sizes["entropy_full"], loss, shared_loss, sizes["columns"], slots, seen, levels,
     )  # fmt: skip
 
 
@@ -201,7 +204,7 @@ def _empty_store(height: int, width: int, cells: int, tiles: int, counts_max: in
     groups = -(-tiles // GROUP_TILES)
     bytes_ = 8 * HEADER_ITEMS + 4 * TILE_SLOTS * tiles + 4 * GROUP_TILES * groups
     bytes_ += 4 * BLOCK_EVENTS + 8 * GREY_LEVELS + 8 * LANES + TILE_SLOTS
-    bytes_ += 16 * counts_max + 16 * groups
+    bytes_ += 24 * counts_max + 16 * groups
     bytes_ += 4 * (height + width + tiles + TILE_SLOTS + 3 * cells)
     store = np.zeros(-(-bytes_ // 8) + LINE_ITEMS, np.int64)
     first = -store.ctypes.data // 8 % LINE_ITEMS
@@ -239,6 +242,7 @@ def make_cell_map(width: int, height: int, cell_size: int, log_base: float) -> C
     sizes["entropy_one"], sizes["entropy_full"] = entropy_one, gains.sum()
     cells = cells_in(store)
     cells.gains[:], cells.loss[:] = gains, loss
+    cells.shared_loss[1:] = np.cumsum(loss[:-1])
     # A cell of one tile has at most 16 pixels; when all have events, nothing is gained.
     table = gains[:LANES]
     cells.gains_high[: len(table)], cells.gains_low[: len(table)] = table >> LOW_BITS, table & (1 << LOW_BITS) - 1

@@ -33,6 +33,10 @@ number) where they are strewn. From then on a frame waits until NZGE has most li
 than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
 """
 
+FULL_EVENTS = 12
+"""A frame of more events than so many to each cell with events is full: its cells hold few levels. No trigger lets it
+come to that where things move: only what ends by its time does."""
+
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
 
@@ -100,16 +104,19 @@ def finish(
 ) -> tuple[float, int]:
     """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
     cells = borrowed_cells(store)
-    nzge = _read_out(cells, state, duration_ns, data)
+    is_full = cells.tile_shift == 0 and state[0].events > FULL_EVENTS * state[0].counted
+    nzge = _read_out(cells, state, duration_ns, is_full, data)
     events = state[0].events
     _clear(cells, state)
     return nzge, events
 
 
 @kernel_part
-def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> float:
+def _read_out(
+    cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, is_full: bool, data: npt.NDArray[np.uint8]
+) -> float:
     """Write the grey levels of the pixels with events into the frame's data, and return its exact NZGE."""
-    lost, without_entropy = read_levels(cells, duration_ns, False, data)
+    lost, without_entropy = read_levels(cells, duration_ns, False, is_full, data)
     state[0].looked = state[0].events
     state[0].lost = lost * cells.entropy_one
     state[0].unsure = 0.0
@@ -121,7 +128,7 @@ def _read_out(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, dat
 @kernel_part
 def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]) -> None:
     """Note what a sample of the cells has lost."""
-    lost, without_entropy = read_levels(cells, duration_ns, True, data)
+    lost, without_entropy = read_levels(cells, duration_ns, True, False, data)
     scale = SAMPLE_TRUST * cells.sample_scale
     state[0].looked = state[0].events
     state[0].lost = lost * scale * cells.entropy_one
@@ -195,7 +202,7 @@ def advance(
         elif duration_ns > 0:
             strides = _strides_below(cells, state, alpha, check_stride, duration_ns, data)
         if strides == 0:
-            nzge = _read_out(cells, state, duration_ns, data)
+            nzge = _read_out(cells, state, duration_ns, False, data)
             if nzge >= alpha:
                 events = state[0].events
                 _clear(cells, state)

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import kernel_part
-from etd_ros.conversion.bits import lowest_bit
-from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
+from etd_ros.conversion.bits import count_bits, lowest_bit
+from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
 from etd_ros.conversion.frame_buffers import written_from
-from etd_ros.conversion.tiles import clear_row, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.tiles import clear_row, slots_of_level, tile_levels, tiles_with_events, write_tile
 
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
@@ -21,12 +21,17 @@ ON, OFF = 1, 2
 
 _U32, _U64 = np.uint32, np.uint64
 
+_ON_SLOTS = _U32(0xFFFF)
+
 
 @kernel_part
-def read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDArray[np.uint8]) -> tuple[float, int]:
+def read_levels(
+    cells: CellMap, duration_ns: int, of_sample: bool, is_full: bool, data: npt.NDArray[np.uint8]
+) -> tuple[float, int]:
     """Write the levels of the pixels with events, or look at those of the sample without writing them.
 
-    A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration.
+    A level is max(1, round(255 * since_start / duration)), halves up, and 255 in a frame of no duration. If the frame
+    is full, cells are expected to hold few levels, each of many pixels.
 
     Returns:
         What the channels' entropies lose against distinct levels, and the number of cells with events, but without
@@ -58,7 +63,7 @@ def read_levels(cells: CellMap, duration_ns: int, of_sample: bool, data: npt.NDA
             if twins <= pairs_max:
                 pairs += twins & -np.int64(is_counted[tile])
             else:
-                loss, without = _lost_by_twins(cells, tile)
+                loss, without = _lost_by_levels(cells, tile) if is_full else _lost_by_twins(cells, tile)
                 lost += loss
                 without_entropy += without
     return lost + pairs * cells.loss[1], without_entropy
@@ -124,9 +129,27 @@ def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
 
 
 @kernel_part
+def _lost_by_levels(cells: CellMap, cell: np.uint64) -> tuple[float, int]:
+    """The same of a cell of one tile, level by level instead of pixel by pixel."""
+    if not cells.is_counted[cell]:
+        return 0.0, 0
+    word = cells.words[cell]
+    cell_pixels = len(cells.shared_loss) - 1
+    rest, lost, full = word, 0.0, 0
+    while rest:
+        same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(rest))])
+        rest = _U32(rest & _U32(~same))
+        on, off = _U64(count_bits(_U32(same & _ON_SLOTS))), _U64(count_bits(_U32(same >> _U32(CHANNEL_SLOTS))))
+        lost += cells.shared_loss[on] + cells.shared_loss[off]
+        full += int(on == cell_pixels) + int(off == cell_pixels)
+    is_one_empty = _U32(word & _ON_SLOTS) == _U32(0) or _U32(word >> _U32(CHANNEL_SLOTS)) == _U32(0)
+    return lost, int(full == 2 or (full == 1 and is_one_empty))
+
+
+@kernel_part
 def _is_empty(cells: CellMap, cell: np.uint64, on: bool) -> bool:
     """Whether a cell's channel has no events."""
-    channel = _U32(0xFFFF) if on else _U32(0xFFFF0000)
+    channel = _ON_SLOTS if on else _U32(~_ON_SLOTS)
     held = _U32(0)
     for tile in range(cell << _U64(cells.tile_shift), (cell + _U64(1)) << _U64(cells.tile_shift)):
         held = _U32(held | (cells.words[tile] & channel))

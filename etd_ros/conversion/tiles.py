@@ -19,6 +19,7 @@ TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.u
 TileLevels: TypeAlias = (
     "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8]], np.uint32]"
 )
+SlotsOfLevel: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint8], np.uint32]"
 ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
 
@@ -126,6 +127,17 @@ def _tile_levels(_typing: Any, last: Any, slot: Any, word: Any, slope: Any, offs
     return types.uint32(last, types.uint64, types.uint32, types.float64, types.float64, levels), generate
 
 
+def _slots_of_level(_typing: Any, levels: Any, level: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        levels_ = items(context, builder, signature.args[0], arguments[0])
+        found = builder.load(vector_at(builder, levels_, _ZERO, _BYTES), align=1)
+        same = builder.icmp_unsigned("==", found, _in_each_slot(builder, arguments[1]))
+        return builder.bitcast(same, WORD)
+
+    del level
+    return types.uint32(levels, types.uint8), generate
+
+
 def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         _, _, byte_, row_bytes_ = arguments
@@ -162,6 +174,9 @@ tile_levels = cast("TileLevels", intrinsic(_tile_levels))
 The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 where the word has no bit, are put into
 `levels`.
 """
+
+slots_of_level = cast("SlotsOfLevel", intrinsic(_slots_of_level))
+"""slots_of_level(levels, level): a bit for each of a tile's 32 slots that has this level, lowest first."""
 
 write_tile = cast("WriteTile", intrinsic(_write_tile))
 """write_tile(levels, data, byte, row_bytes): put a tile's levels into a frame's data, flat: four rows of 8 bytes, which

@@ -31,9 +31,9 @@ def summary(frames):
     return [(f.start_ns, f.stamp_ns, f.events, f.end.value) for f in frames]
 
 
-def frame_at_end(events):
+def frame_at_end(events, cell_size=4):
     """The frame of all events, from the first one's time to the last one's."""
-    accumulator = FrameAccumulator(events.width, events.height)
+    accumulator = FrameAccumulator(events.width, events.height, cell_size)
     accumulator.accept(events)
     accumulator.add(events, 0, len(events), int(events.t[-1]))
     return accumulator.finish(int(events.t[-1]), FrameEnd.NZGE)
@@ -87,6 +87,30 @@ def test_events_at_the_start_do_not_vanish():
 
 def test_all_events_of_a_frame_without_duration_are_255():
     assert set(np.unique(frame_at_end(random_events(3, 50, 8, 8, 1)).data)) == {0, 255}
+
+
+@given(
+    seed=st.integers(0, 1000),
+    moments=st.integers(1, 6),
+    cell_size=st.sampled_from([2, 3, 4, 5, 8]),
+    polarities=st.sampled_from([(0,), (1,), (0, 1)]),
+)
+@settings(deadline=None, max_examples=60)
+def test_a_full_frame_of_few_moments_has_the_nzge_of_its_levels(seed, moments, cell_size, polarities):
+    rng = np.random.default_rng(seed)
+    width, height = 18, 13
+    pixels = np.tile(np.arange(width * height), (moments, 1))
+    y, x = np.divmod(rng.permuted(pixels, axis=1).ravel(), width)
+    # All pixels fire at each moment, in patches of equal times; some fire alone.
+    patch = (x // 4 + y // 4) % 2
+    t = np.repeat(np.arange(moments), width * height) * MS + patch * int(rng.integers(0, MS))
+    t = np.where(rng.random(len(t)) < rng.uniform(0, 0.3), rng.integers(0, moments * MS, len(t)), t)
+    order = np.argsort(t, kind="stable")
+    p = rng.choice(polarities, len(t))
+    events = make_events(t[order], x[order], y[order], p[order], width, height)
+    frame = frame_at_end(events, cell_size)
+    np.testing.assert_array_equal(frame.data, closed_form(events, frame.start_ns, frame.stamp_ns))
+    assert frame.nzge == pytest.approx(histogram_nzge(frame.data, cell_size), abs=1e-12)
 
 
 @pytest.mark.parametrize(("width", "height"), [(32, 24), (33, 25), (30, 23), (1, 1), (3, 2)])

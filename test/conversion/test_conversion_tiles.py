@@ -10,7 +10,7 @@ from numba import njit
 
 from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.readout import HALF_UP
-from etd_ros.conversion.tiles import tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.tiles import slots_of_level, tile_levels, tiles_with_events, write_tile
 
 times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)
 words = st.integers(0, 2**TILE_SLOTS - 1)
@@ -24,6 +24,11 @@ def levels_of(last, slot, word, slope, levels):
 @njit
 def write(levels, data, byte, row_bytes):
     write_tile(levels, data, np.uint64(byte), np.uint64(row_bytes))
+
+
+@njit
+def with_level(levels, level):
+    return slots_of_level(levels, np.uint8(level))
 
 
 @njit
@@ -74,6 +79,13 @@ def test_a_pair_is_one_pair_however_far_apart_it_is(first, distance):
         last[:] = np.arange(TILE_SLOTS)
         last[other] = last[one]
         assert levels_of(last, 0, 2**TILE_SLOTS - 1, 7.0, np.zeros(TILE_SLOTS, np.uint8)) == 1
+
+
+@given(st.lists(st.integers(0, 3), min_size=TILE_SLOTS, max_size=TILE_SLOTS), st.integers(0, 3))
+@settings(deadline=None)
+def test_each_slot_of_a_level_has_its_bit(levels, level):
+    wanted = sum(1 << slot for slot, found in enumerate(levels) if found == level)
+    assert with_level(np.array(levels, np.uint8), level) == wanted
 
 
 def test_equal_levels_of_both_channels_are_no_pair():
