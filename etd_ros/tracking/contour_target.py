@@ -283,6 +283,7 @@ class ContourTarget:
         # Half-believed looks at what turned round at once take it to stand; the events of more time would be blurred.
         contours.least_speed_px_s = self._motion.speed_px_s if self._failing_s > 0 else 0.0
         elapsed_s = (stamp_ns - contours.stamp_ns) * 1e-9
+        contours.take_turning_of_flow(self._surface)
         look = self._look_here()
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
             look = self._look_here()

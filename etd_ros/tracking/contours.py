@@ -19,8 +19,10 @@ from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.model_box import ModelBox
 from etd_ros.tracking.outline import beyond_box
+from etd_ros.tracking.shape import reach_of
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.turning import TurningByFlow
 
 CELLS_MAX = 48
 """Cells along a target's longer side at most: more detail costs time and finds nothing more."""
@@ -96,6 +98,7 @@ class Contours:
         self._turning = SteadyChange(TURN_GAIN)
         self._growing = SteadyChange(GROWTH_GAIN)
         self._growth_by_flow: GrowthByFlow | None = None
+        self._turning_by_flow: TurningByFlow | None = None
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self._model_box = ModelBox(box.w, box.h)
@@ -130,6 +133,15 @@ class Contours:
     def speed_px_s(self) -> float:
         """How fast the target moves (pixels/s)."""
         return math.hypot(*self.velocity.tolist())
+
+    @property
+    def sweep_px_s(self) -> float:
+        """How fast its edges usually pass over pixels, by its motion and, of what turned from its start on, by that as
+        well (pixels/s)."""
+        if self._turning_by_flow is None:
+            return self.speed_px_s
+        arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]
+        return math.hypot(self.speed_px_s, self._turning.per_s * arm_px)
 
     @property
     def sizes_per_s(self) -> float:
@@ -185,7 +197,20 @@ class Contours:
 
     def is_due(self, stamp_ns: int) -> bool:
         """Whether it is time for a look; the events for the next one count from then on."""
-        return self._pace.is_due(self._since_s(stamp_ns), self.speed_px_s, self.sizes_per_s)
+        return self._pace.is_due(self._since_s(stamp_ns), self.sweep_px_s, self.sizes_per_s)
+
+    def take_turning_of_flow(self, surface: TimeSurface) -> None:
+        """Believe how fast a target that began to turn does so by the flow of its edges. Looks cannot tell when it
+        turns back: all of its polarities change."""
+        if self._turning_by_flow is None:
+            return
+        place = np.array(self.predicted(surface.stamp_ns))
+        correction = self._turning_by_flow.correction(
+            surface, self.box_at(*place.tolist()), place, self.sweep_px_s, self._turning.per_s
+        )
+        if correction != 0:
+            self._turning.per_s += (1 - self.covered) * correction
+            self._note_direction()
 
     def look(self, surface: TimeSurface, *, any_motion: bool = False) -> Look:
         """Fit the model to the newest events round the predicted place.
@@ -230,7 +255,7 @@ class Contours:
         score, events, *direction = score_at(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, config.ridge_weight, any_motion
         )
-        moved = min(max(self.speed_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
+        moved = min(max(self.sweep_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
         return Look(x, y, score, events, moved, (direction[0], direction[1]))
 
     def sees_noise(self, surface: TimeSurface) -> bool:
@@ -241,7 +266,7 @@ class Contours:
     def look_longer(self, events: float, stamp_ns: int) -> bool:
         """A look at a time (ns) had so few events: have the next one take those of more motion; whether it does."""
         span_s = self._span_s(stamp_ns)
-        self._pace.want_more(events, self.speed_px_s * span_s)
+        self._pace.want_more(events, self.sweep_px_s * span_s)
         return self._span_s(stamp_ns) > span_s
 
     def turn(self, direction: tuple[float, float]) -> None:
@@ -289,7 +314,7 @@ class Contours:
         self._looks += 1
         sight = self._sight(points, count)
         inside = splat(points, count, self.pose, self.cell_px, sight.velocity, self.drawn)
-        self._pace.count(inside, self.speed_px_s * span_s)
+        self._pace.count(inside, self.sweep_px_s * span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._memories.weight, 1.0)
         direction = self._direction_by_the_cell()
@@ -300,14 +325,19 @@ class Contours:
         """Take the target to be at rest."""
         self.velocity[:] = 0
         self._growth_by_flow = None
+        self._turning_by_flow = None
         self._turning.stop()
         self._growing.stop()
 
-    def grow_since(self, scale: float, growing_per_s: float, time_s: float) -> None:
-        """The target has grown at a rate (1/s) for a time (s), from a scale, by the flow of its edges."""
+    def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
+        """The target has grown and turned at these rates (1/s, rad/s) for a time (s), from the scale and angle of a
+        pose, by the flow of its edges."""
+        self._turning_by_flow = TurningByFlow() if turning_rad_s != 0 else None
+        self._turning.per_s = turning_rad_s
+        self.pose[ANGLE] = pose[ANGLE] + turning_rad_s * time_s
         self._growth_by_flow = GrowthByFlow() if growing_per_s != 0 else None
         self._growing.per_s = growing_per_s
-        self.pose[SCALE] = scale
+        self.pose[SCALE] = pose[SCALE]
         self._grow(growing_per_s * time_s)
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
@@ -317,6 +347,10 @@ class Contours:
         normalise(self.drawn, self.room, self._memories.weight, looks)
         self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
         self._looks = looks_known
+
+    def take_shape(self, places: Float64Array) -> None:
+        """Learn the target's shape from where its events are beside its middle (pixels at scale 1, shape (n, 2))."""
+        self._model_box.take_shape(reach_of(places / np.divide(self.size_px, 2)))
 
     def keep_memories(self) -> None:
         """Keep what the target looks like now, as it is seen surely."""
@@ -466,7 +500,7 @@ class Contours:
 
     def _motion_s(self) -> float:
         """The time of a window's motion (s), at most `window_max_s`."""
-        return self._pace.motion_s(max(self.speed_px_s, self.least_speed_px_s), self.sizes_per_s)
+        return self._pace.motion_s(max(self.sweep_px_s, self.least_speed_px_s), self.sizes_per_s)
 
     def _span_s(self, stamp_ns: int) -> float:
         return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)

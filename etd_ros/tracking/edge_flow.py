@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.tracking.contour_kernels import Float64Array
-from etd_ros.tracking.edge_flow_kernels import COLUMNS, PARTS, flows_of, motion_of
+from etd_ros.tracking.edge_flow_kernels import COLUMNS, PARTS, PARTS_TURNING, flows_of, motion_of
 
 FLOWS_MAX, FLOWS_MIN = 400, 20
 """More event pixels than the first are thinned out; fewer than the second tell nothing."""
@@ -21,11 +21,22 @@ FLOWS_MAX, FLOWS_MIN = 400, 20
 
 class EdgeFlow(NamedTuple):
     """The motion that goes best with the flow of the edges: velocity x, y (pixels/s), how fast it grows (1/s, of the
-    logarithm of the scale), and the standard error of that."""
+    logarithm of the scale), and the standard error of that; how far the edges' speeds usually are from it (pixels/s);
+    how fast it turns (rad/s) and the standard error of that, 0 where it may not."""
 
     velocity: Float64Array
     growing_per_s: float
     growing_error: float
+    spread_px_s: float = 0.0
+    turning_rad_s: float = 0.0
+    turning_error: float = 0.0
+
+
+class EdgeFlows(NamedTuple):
+    """The motions that go best with the flow of the edges: without turning and with it."""
+
+    along: EdgeFlow
+    turning: EdgeFlow
 
 
 def edge_flow(
@@ -44,10 +55,28 @@ def edge_flow(
     Returns:
         The motion, or None where there are too few edges.
     """
+    flows = _flows(times, now_ns, span_s, window, x, y)
+    return None if len(flows) < FLOWS_MIN else _motion(flows, PARTS)
+
+
+def edge_flows(
+    times: npt.NDArray[np.int64], now_ns: int, span_s: float, window: tuple[int, int, int, int], x: float, y: float
+) -> EdgeFlows | None:
+    """How the edges in a window move if they may turn round the place as well; the arguments are those of
+    `edge_flow`."""
+    flows = _flows(times, now_ns, span_s, window, x, y)
+    return None if len(flows) < FLOWS_MIN else EdgeFlows(_motion(flows, PARTS), _motion(flows, PARTS_TURNING))
+
+
+def _flows(
+    times: npt.NDArray[np.int64], now_ns: int, span_s: float, window: tuple[int, int, int, int], x: float, y: float
+) -> Float64Array:
     flows = np.empty((FLOWS_MAX, COLUMNS))
-    number = flows_of(times, now_ns, now_ns - int(span_s * 1e9), *window, x, y, flows)
-    if number < FLOWS_MIN:
-        return None
-    motion, error = np.zeros(PARTS), np.zeros(PARTS)
-    motion_of(flows[:number], motion, error)
-    return EdgeFlow(motion[:2], float(motion[2]), float(error[2]))
+    return flows[: flows_of(times, now_ns, now_ns - int(span_s * 1e9), *window, x, y, flows)]
+
+
+def _motion(flows: Float64Array, parts: int) -> EdgeFlow:
+    motion, error = np.zeros(parts), np.zeros(parts)
+    spread_px_s = motion_of(flows, motion, error)
+    growing, *turning = zip(motion[2:].tolist(), error[2:].tolist(), strict=True)
+    return EdgeFlow(motion[:2], *growing, spread_px_s, *(turning[0] if turning else ()))

@@ -20,8 +20,8 @@ SLOWNESS_MIN = 1e-6
 NORMAL_X, NORMAL_Y, SPEED, RIGHT, BELOW = range(5)
 COLUMNS = 5
 """Columns of a flow: which way its edge moves, how fast (pixels/s), and where it is beside a middle (pixels)."""
-PARTS = 3
-"""Of a motion here: x, y (pixels/s), growing (1/s)."""
+PARTS, PARTS_TURNING = 3, 4
+"""Of a motion here: x, y (pixels/s), growing (1/s); and, of one that may turn, turning (rad/s)."""
 ROUNDS, STRAYING = 8, 2.0
 """Least squares are weighted again so often; a flow that strays by so many deviations counts a quarter."""
 DEVIATION_OF_MEDIAN = 1.4826
@@ -105,20 +105,26 @@ def flows_of(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int
 
 
 @njit(cache=True, nogil=True)
-def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) -> None:
-    """The motion with which the flows go best, and its standard errors, into `motion` and `error`, shape (PARTS,):
-    iteratively reweighted least squares, as some edges are of something else."""
-    count = len(flows)
+def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) -> float:
+    """The motion with which the flows go best, and its standard errors, into `motion` and `error`, shape (PARTS,) or
+    (PARTS_TURNING,): iteratively reweighted least squares, as some edges are of something else.
+
+    Returns how far the flows' speeds usually are from it (pixels/s).
+    """
+    count, parts = len(flows), len(motion)
     weights, strays = np.ones(count), np.empty(count)
-    rows = np.empty((count, PARTS))
+    rows = np.empty((count, parts))
     rows[:, 0], rows[:, 1] = flows[:, NORMAL_X], flows[:, NORMAL_Y]
     rows[:, 2] = flows[:, NORMAL_X] * flows[:, RIGHT] + flows[:, NORMAL_Y] * flows[:, BELOW]
+    if parts == PARTS_TURNING:
+        rows[:, 3] = flows[:, NORMAL_Y] * flows[:, RIGHT] - flows[:, NORMAL_X] * flows[:, BELOW]
+    deviation = 0.0
     for _ in range(ROUNDS):
-        squares, sums = RIDGE * np.eye(PARTS), np.zeros(PARTS)
+        squares, sums = RIDGE * np.eye(parts), np.zeros(parts)
         for i in range(count):
-            for j in range(PARTS):
+            for j in range(parts):
                 sums[j] += weights[i] * rows[i, j] * flows[i, SPEED]
-                for k in range(PARTS):
+                for k in range(parts):
                     squares[j, k] += weights[i] * rows[i, j] * rows[i, k]
         inverse = np.linalg.inv(squares)
         motion[:] = inverse @ sums
@@ -126,5 +132,6 @@ def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) ->
         deviation = DEVIATION_OF_MEDIAN * np.median(np.abs(strays)) + DEVIATION_FLOOR
         for i in range(count):
             weights[i] = 1 / (1 + (strays[i] / (STRAYING * deviation)) ** 2) ** 2
-        for j in range(PARTS):
+        for j in range(parts):
             error[j] = deviation * np.sqrt(inverse[j, j])
+    return float(deviation)

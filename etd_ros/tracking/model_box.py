@@ -8,10 +8,11 @@ import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import SCALE, Float64Array
+from etd_ros.tracking.shape import turned_reaches
 
 ROUNDNESS = 1.7
 """p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
-something between."""
+something between. That is taken where their shape is not known."""
 OFFSET_MAX, RATIO_MAX = 0.3, 1.4
 """A box lies no farther from the model's middle than this part of its size, and is so many times as wide or high at
 most: beyond, the model is of something else."""
@@ -30,6 +31,12 @@ class ModelBox:
         self._offset = np.zeros(2)
         self._growth = np.zeros(2)
         self._placed_for: tuple[float, float] | None = None
+        self._reach: Float64Array | None = None
+
+    def take_shape(self, reach: Float64Array | None) -> None:
+        """Know how far what is in the box reaches in each direction, as `reach_of` says, if it does."""
+        self._reach = reach
+        self._placed_for = None
 
     def at(self, x: float, y: float, pose: Float64Array) -> Box:
         """The box, if the model's middle is there (pixels) and its scale and angle are those of a pose."""
@@ -49,13 +56,13 @@ class ModelBox:
         across, down = self.size_px[0] * scale, self.size_px[1] * scale
         cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         right, below = (self._offset * (across, down)).tolist()
-        size = _outline(across * wider, down * higher, angle_rad)
-        return (cos * right, sin * below), (sin * right, cos * below), size
+        (width, height), (beside_x, beside_y) = self._outline(across * wider, down * higher, angle_rad)
+        return (cos * right + beside_x, sin * below), (sin * right + beside_y, cos * below), (width, height)
 
     def size_at_first(self, pose: Float64Array) -> tuple[float, float]:
         """Width and height (pixels) without what was put right."""
         scale, angle = pose[SCALE:].tolist()
-        return _outline(self.size_px[0] * scale, self.size_px[1] * scale, angle)
+        return self._outline(self.size_px[0] * scale, self.size_px[1] * scale, angle)[0]
 
     def correct(self, right: float, below: float, wider: float, higher: float, pose: Float64Array) -> None:
         """Move the box on the model by so many pixels of the sensor, and make it so much wider and higher there
@@ -74,12 +81,15 @@ class ModelBox:
         self._offset[:] = self._growth[:] = 0
         self._placed_for = None
 
-
-def _outline(across: float, down: float, angle_rad: float) -> tuple[float, float]:
-    """How wide and high something is when turned."""
-    if angle_rad == 0:
-        return across, down
-    cos, sin = abs(math.cos(angle_rad)), abs(math.sin(angle_rad))
-    width = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
-    height = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
-    return width, height
+    def _outline(self, across: float, down: float, angle_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """How wide and high the thing in the box is when turned, and how far the middle of that is to the right of and
+        below its own (pixels)."""
+        if angle_rad == 0:
+            return (across, down), (0.0, 0.0)
+        if self._reach is not None:
+            left, right, up, below = turned_reaches(self._reach, across, down, angle_rad)
+            return (left + right, up + below), ((right - left) / 2, (below - up) / 2)
+        cos, sin = abs(math.cos(angle_rad)), abs(math.sin(angle_rad))
+        width = ((across * cos) ** ROUNDNESS + (down * sin) ** ROUNDNESS) ** (1 / ROUNDNESS)
+        height = ((across * sin) ** ROUNDNESS + (down * cos) ** ROUNDNESS) ** (1 / ROUNDNESS)
+        return (width, height), (0.0, 0.0)

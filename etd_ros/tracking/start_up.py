@@ -11,11 +11,13 @@ import numpy.typing as npt
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, POLARITY, SCALE, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
+from etd_ros.tracking.edge_flow import EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
+from etd_ros.tracking.turning import Turned, turning_at_start
 
 LOOKS = 10
 """Looks that the start lasts, or more, until the target has moved by MOTION_MIN_PX."""
@@ -48,6 +50,8 @@ REST_WEIGHT = 0.1
 """How much coherence a pixel of motion since the start has to bring, over the root of the number of events: of few,
 some motion always agrees better than the right one."""
 LOOKS_KNOWN = 10
+TURNING_AGREES = 0.9
+"""With turning its events have to agree so many times as well as with the best motion along."""
 PARTS = 4
 """The time so far is taken in so many parts, whose events have to agree."""
 CELL = 1.5
@@ -113,10 +117,11 @@ class StartUp:
         """The target is in its start box at this time (ns)."""
         self._contours.stop()
         self._contours.pose[:] = self._pose
-        self._growing_per_s = 0.0
+        self._growing_per_s = self._turning_rad_s = 0.0
         self._start_ns = self._contours.stamp_ns = stamp_ns
         self._collected: list[Float32Array] = []
         self._fast_looks = 0
+        self._seen_turning = self._agreement = 0.0
         self._surroundings = Surroundings(self._contours.box, stamp_ns, self._late_s)
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
@@ -172,15 +177,17 @@ class StartUp:
         has_left = self._follow_out(fitted_s)
         if has_left:
             events = self._surroundings.events
-        self._growing_per_s = 0.0 if has_left else self._take_growth(surface, time_s)
-        moved = math.hypot(contours.speed_px_s, self._growing_per_s * self._arm_px) * time_s
+        self._growing_per_s = self._turning_rad_s = 0.0
+        if not has_left:
+            self._take_flow(surface, events, time_s)
+        moved = math.hypot(contours.speed_px_s, *self._outline_px_s()) * time_s
         is_over = (
             (len(self._collected) >= LOOKS and moved >= MOTION_MIN_PX) or moved >= MOTION_MAX_PX or time_s >= TIME_MAX_S
         )
-        if is_over and moved > APART_PX and self._growing_per_s == 0:
+        if is_over and moved > APART_PX and not any(self._outline_px_s()):
             self._tell_apart(events, time_s)
         contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
-        contours.grow_since(self._pose[SCALE], self._growing_per_s, time_s)
+        contours.change_since(self._pose, self._growing_per_s, self._turning_rad_s, time_s)
         contours.stamp_ns = surface.stamp_ns
         if has_left:
             # So far the surface was kept up to date where it was believed.
@@ -189,20 +196,49 @@ class StartUp:
             self._finish(events, moved)
         return is_over
 
-    def _take_growth(self, surface: TimeSurface, time_s: float) -> float:
-        """How fast the target has grown since its start (1/s) by the flow of its edges; if it has, its velocity is that
-        of the flow, too: some shift always agrees best with edges that move apart."""
+    def _outline_px_s(self) -> tuple[float, float]:
+        """How fast its outline moves by turning and by growing (pixels/s)."""
+        return self._turning_rad_s * self._arm_px, self._growing_per_s * self._arm_px
+
+    def _take_flow(self, surface: TimeSurface, events: Float32Array, time_s: float) -> None:
+        """Take how fast the target has turned and grown since its start from the flow of its edges; if it has, its
+        velocity is that of the flow, too: some shift always agrees best with edges that go round or move apart."""
         contours = self._contours
-        if contours.config.scale_gain == 0 or time_s <= 0 or self._late_s > LATE_S:
-            return 0.0
-        x, y = (self._pose[:2] + contours.velocity * time_s).tolist()
-        window = surface.window(contours.box_at(x, y), FLOW_MARGIN_PX)
-        flow = surface.flow(window, min(time_s, START_SPAN_S), x, y)
-        if flow is None:
-            return 0.0
-        growing_per_s, share = growth_at_start(flow, self._arm_px, time_s)
-        contours.velocity = contours.velocity + share * (flow.velocity - contours.velocity)
-        return growing_per_s
+        if time_s <= 0 or self._late_s > LATE_S:
+            return
+        place = self._pose[:2] + contours.velocity * time_s
+        x, y = place.tolist()
+        window, span_s = surface.window(contours.box_at(x, y), FLOW_MARGIN_PX), min(time_s, START_SPAN_S)
+        flows = surface.flows(window, span_s, x, y)
+        if flows is None:
+            return
+        turned = self._turned(flows, place, events, time_s, span_s) if contours.config.angle_gain > 0 else None
+        if turned is not None:
+            contours.velocity, self._turning_rad_s, self._growing_per_s = turned
+        elif contours.config.scale_gain > 0:
+            self._growing_per_s, share = growth_at_start(flows.along, self._arm_px, time_s)
+            contours.velocity = contours.velocity + share * (flows.along.velocity - contours.velocity)
+
+    def _turned(
+        self, flows: EdgeFlows, place: Float64Array, events: Float32Array, time_s: float, span_s: float
+    ) -> Turned | None:
+        """How the target has turned for this time (s), if the flow of its edges round a place (pixels) in the last
+        `span_s` says so for the second look in a row, and its events agree with that about as well as with a motion
+        along."""
+        before, self._seen_turning = self._seen_turning, 0.0
+        rate = turning_at_start(flows, self._arm_px, time_s)
+        if rate == 0 or len(events) < EVENTS_MIN:
+            return None
+        flow, grows = flows.turning, self._contours.config.scale_gain > 0
+        growing_per_s = growth_at_start(flow, self._arm_px, time_s)[0] if grows else 0.0
+        turned = Turned.of_flow(flow, growing_per_s, self._pose[:2], place, time_s - span_s / 2)
+        undone, everything = turned.undone(events, self._pose[:2]), np.ones(len(events), np.float32)
+        agreement = self._motion(undone, time_s, everything, self._weight, np.zeros(2)).agreement
+        speed_px_s = math.hypot(*turned.velocity, rate * self._arm_px)
+        if agreement * _not_by_chance(len(events), speed_px_s, time_s) < TURNING_AGREES * self._agreement:
+            return None
+        self._seen_turning = rate
+        return turned if before * rate > 0 else None
 
     def _collect(self, points: Float32Array, stamp_ns: int) -> None:
         """Keep points with ages that count backwards from the start."""
@@ -221,6 +257,7 @@ class StartUp:
             far = self._coherent_far(events, time_s, everything, best)
             best = far if _is_clearly_better(far, best) else best
         contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
+        self._agreement = best.agreement
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
@@ -311,8 +348,7 @@ class StartUp:
         agreement, alike = coherence(
             events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts, self._room
         )
-        by_chance = REST_WEIGHT / math.sqrt(len(events)) * math.hypot(*velocity) * time_s
-        return _Motion(velocity, agreement * math.exp(-by_chance), alike)
+        return _Motion(velocity, agreement * _not_by_chance(len(events), math.hypot(*velocity), time_s), alike)
 
     def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
         agreed = np.empty(len(events), np.float32)
@@ -324,11 +360,17 @@ class StartUp:
     def _finish(self, events: Float32Array, moved_px: float) -> None:
         contours = self._contours
         right, down = contours.velocity.tolist()
-        outward_px_s = self._growing_per_s * self._arm_px
-        speed_px_s = math.hypot(right, down, outward_px_s)
+        around_px_s, outward_px_s = self._outline_px_s()
+        speed_px_s = math.hypot(right, down, around_px_s, outward_px_s)
         seen = _as_looks_see(events, contours.config.window_px / max(speed_px_s, 1e-3))
-        splat(seen, len(seen), self._pose, contours.cell_px, contours.motion, contours.drawn)
-        direction = np.array([right, down, 0.0, outward_px_s]) / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
+        motion = contours.motion
+        if around_px_s != 0:
+            turned = Turned(contours.velocity, self._turning_rad_s, self._growing_per_s)
+            seen, motion = turned.undone(seen, self._pose[:2]), np.zeros(4)
+            contours.take_shape(seen[:, :2] - self._pose[:2])
+        splat(seen, len(seen), self._pose, contours.cell_px, motion, contours.drawn)
+        outline = np.array([right, down, around_px_s, outward_px_s])
+        direction = outline / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
 
 
@@ -336,6 +378,12 @@ def _is_clearly_better(far: _Motion, near: _Motion, trust: tuple[tuple[float, fl
     """Whether a motion farther off is to be believed rather than the best one near by: of few events something always
     agrees. Where those at the near one agree by nothing, that the far one's parts are alike is enough."""
     return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in trust)
+
+
+def _not_by_chance(events: int, speed_px_s: float, time_s: float) -> float:
+    """The share of the agreement of so many events, for a motion at this speed since the start, that chance does not
+    bring."""
+    return math.exp(-(REST_WEIGHT / math.sqrt(events) * speed_px_s * time_s))
 
 
 def _some_of(values: Float32Array) -> Float32Array:

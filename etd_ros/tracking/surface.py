@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float32Array, gather, gather_newest, keep_times
-from etd_ros.tracking.edge_flow import EdgeFlow, edge_flow
+from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
 
@@ -94,6 +94,10 @@ class TimeSurface:
     def flow(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlow | None:
         """How the edges in a window move and grow round a place (pixels), by events that are at most so old."""
         return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y)
+
+    def flows(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlows | None:
+        """The same without turning round the place and with it."""
+        return edge_flows(self._times, self.stamp_ns, duration_s, window, x, y)
 
     def count(self, window: Window, duration_s: float) -> int:
         """How many events of a window are at most so old."""

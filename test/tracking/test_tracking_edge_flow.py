@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from etd_ros.tracking.edge_flow import FLOWS_MIN, edge_flow
+from etd_ros.tracking.edge_flow import FLOWS_MIN, edge_flow, edge_flows
 from etd_ros.tracking.edge_flow_kernels import COLUMNS, flows_of, motion_of
 from etd_ros.tracking.surface import NEVER_NS
 
@@ -80,6 +80,31 @@ def test_both_together_are_taken_apart():
     assert flow.growing_per_s == pytest.approx(1.5, rel=0.15)
 
 
+def spokes(turns_rad_s, number=5, width_rad=0.2):
+    """Lines from the middle outwards that turn about it, clockwise as seen where the rate is above 0."""
+    x, y = pixels()
+    behind_rad = np.mod(-np.sign(turns_rad_s) * np.arctan2(y, x), 2 * np.pi / number)
+    radius_px = np.hypot(x, y)
+    is_near = (behind_rad > 0) & (behind_rad < width_rad) & (radius_px > 8) & (radius_px < 25)
+    return times_of(np.where(is_near, behind_rad / abs(turns_rad_s), np.nan))
+
+
+@pytest.mark.parametrize("turns_rad_s", [-6.0, -1.0, 1.0, 6.0])
+def test_what_turns_in_place_is_told_from_what_moves(turns_rad_s):
+    along, turning = edge_flows(spokes(turns_rad_s), NOW_NS, 1.0, EVERYWHERE, *MIDDLE)
+    assert turning.turning_rad_s == pytest.approx(turns_rad_s, rel=0.1)
+    assert abs(turning.turning_rad_s) > 6 * turning.turning_error
+    assert np.abs(turning.velocity).max() < 2.0
+    assert turning.spread_px_s < 0.3 * along.spread_px_s
+
+
+def test_what_moves_along_and_grows_turns_by_nothing():
+    along, turning = edge_flows(outline(1.5, (20.0, -10.0)), NOW_NS, 1.0, EVERYWHERE, *MIDDLE)
+    assert abs(turning.turning_rad_s) < max(0.2, 6 * turning.turning_error)
+    assert turning.growing_per_s == pytest.approx(1.5, rel=0.15)
+    assert along.velocity == pytest.approx(turning.velocity, abs=3.0)
+
+
 def test_a_single_edge_does_not_tell_growth_from_motion():
     flow = edge_flow(line_going(0.0, 100.0), NOW_NS, 1.0, (20, 60, 40, 60), 30.0, 40.0)
     assert flow.growing_error > 1.0 or abs(flow.growing_per_s) < 0.1
@@ -105,24 +130,27 @@ def test_what_came_everywhere_at_once_has_no_flow():
     assert flows_of(times, NOW_NS, NOW_NS - 1_000_000, *EVERYWHERE, *MIDDLE, flows) == 0
 
 
-def test_the_motion_is_that_of_weighted_least_squares():
+@pytest.mark.parametrize("parts", [3, 4])
+def test_the_motion_is_that_of_weighted_least_squares(parts):
     rng = np.random.default_rng(4)
     flows = np.empty((200, COLUMNS))
     angles = rng.uniform(0, 2 * np.pi, 200)
     flows[:, 0], flows[:, 1] = np.cos(angles), np.sin(angles)
     flows[:, 3:] = rng.uniform(-20, 20, (200, 2))
-    rows = np.column_stack([flows[:, 0], flows[:, 1], (flows[:, :2] * flows[:, 3:]).sum(axis=1)])
-    flows[:, 2] = rows @ (30.0, -20.0, 1.2) + rng.normal(0, 2.0, 200)
+    around = flows[:, 1] * flows[:, 3] - flows[:, 0] * flows[:, 4]
+    rows = np.column_stack([flows[:, 0], flows[:, 1], (flows[:, :2] * flows[:, 3:]).sum(axis=1), around])[:, :parts]
+    flows[:, 2] = rows @ (30.0, -20.0, 1.2, -2.0)[:parts] + rng.normal(0, 2.0, 200)
     flows[:FLOWS_MIN, 2] += 500.0
-    motion, error = np.zeros(3), np.zeros(3)
-    motion_of(flows, motion, error)
-    expected, weights = np.zeros(3), np.ones(200)
+    motion, error = np.zeros(parts), np.zeros(parts)
+    spread_px_s = motion_of(flows, motion, error)
+    expected, weights = np.zeros(parts), np.ones(200)
     for _ in range(8):
         weighted = rows * weights[:, None]
-        expected = np.linalg.solve(weighted.T @ rows + 1e-9 * np.eye(3), weighted.T @ flows[:, 2])
+        expected = np.linalg.solve(weighted.T @ rows + 1e-9 * np.eye(parts), weighted.T @ flows[:, 2])
         strays = flows[:, 2] - rows @ expected
         weights = 1 / (1 + (strays / (2 * (1.4826 * np.median(np.abs(strays)) + 1e-6))) ** 2) ** 2
     assert motion == pytest.approx(expected, rel=1e-6)
-    assert motion == pytest.approx((30.0, -20.0, 1.2), rel=0.05)
+    assert spread_px_s == pytest.approx(1.4826 * np.median(np.abs(strays)) + 1e-6, rel=1e-6)
+    assert motion == pytest.approx((30.0, -20.0, 1.2, -2.0)[:parts], rel=0.05)
     assert (error > 0).all()
-    assert np.abs(motion - (30.0, -20.0, 1.2)) == pytest.approx(0, abs=float(5 * error.max()))
+    assert np.abs(motion - (30.0, -20.0, 1.2, -2.0)[:parts]) == pytest.approx(0, abs=float(5 * error.max()))

@@ -9,8 +9,10 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.model_box import OFFSET_MAX, RATIO_MAX, ModelBox
+from etd_ros.tracking.shape import DIRECTIONS
 
 WIDTH, HEIGHT = 40.0, 30.0
+ANGLES = np.arange(DIRECTIONS) * 2 * math.pi / DIRECTIONS
 
 
 def pose(scale=1.0, angle_rad=0.0):
@@ -33,6 +35,24 @@ def test_a_turned_box_lies_between_an_ellipse_and_a_rectangle():
     box = at(ModelBox(WIDTH, WIDTH), pose(angle_rad=math.pi / 4))
     assert WIDTH < box.w < WIDTH * math.sqrt(2)
     assert box.h == pytest.approx(box.w)
+
+
+def test_a_box_whose_shape_is_known_is_that_of_the_turned_shape():
+    box = ModelBox(WIDTH, WIDTH)
+    corners = np.abs(np.cos(ANGLES)) + np.abs(np.sin(ANGLES))
+    box.take_shape(corners)
+    assert at(box, pose(2.0, math.pi / 4)).w == pytest.approx(2 * WIDTH * math.sqrt(2), rel=0.01)
+    assert box.size_at_first(pose(2.0, math.pi / 4)) == pytest.approx([2 * WIDTH * math.sqrt(2)] * 2, rel=0.01)
+    box.take_shape(np.ones(DIRECTIONS))
+    assert at(box, pose(2.0, math.pi / 4)) == pytest.approx(Box(60, 40, 80, 80))
+
+
+def test_a_shape_that_is_not_the_same_all_round_moves_its_box():
+    box, reach = ModelBox(WIDTH, WIDTH), np.ones(DIRECTIONS)
+    reach[DIRECTIONS // 8] = math.sqrt(2)
+    box.take_shape(reach)
+    turned = at(box, pose(1.0, math.pi / 4))
+    assert turned.center == pytest.approx((100, 80 + (math.sqrt(2) - 1) * WIDTH / 4))
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.4, math.pi / 2, -2.0])

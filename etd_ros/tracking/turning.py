@@ -1,0 +1,122 @@
+"""How fast a target turns, by the flow of its edges.
+
+Looks hardly tell at first: some shift always agrees best with edges that go round, and a model that was drawn of them
+as they move along is of no thing. Later they tell by little and little, but not when what turns turns back, as all
+polarities change then.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
+from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_MOVED_PX
+from etd_ros.tracking.surface import TimeSurface
+
+START_ERRORS, START_SPREAD_MAX = 6.0, 0.6
+"""What starts turns if that is so many standard errors from 0, has moved its outline by START_MOVED_PX, and leaves no
+more than this share of what the speeds of its edges stray by otherwise: what passes at two depths seems to turn, too,
+but goes hardly better with that."""
+MEASURE_S = 0.01
+SPAN_PX, SPAN_MIN_S, SPAN_MAX_S = 5.0, 0.01, 0.1
+"""The flow of so much motion is taken, within these times."""
+ERRORS, ERROR_FLOOR_RAD_S = 3.0, 0.2
+"""The flow is off by so many times its standard error, as neighbours go wrong together, and by so much besides."""
+ERROR_MAX_RAD_S = 1.0
+"""A flow with a larger standard error is not asked."""
+TOO_FAST_SHARE = 0.35
+"""Of little motion only the fastest edges come far enough to be seen: a rate that differs by this share of the flow's
+is as likely."""
+UNKNOWN_RAD_S, CHANGES_RAD_S = 3.0, 4.5
+"""How fast a target may turn of which nothing is known, and by how much that wanders within a second."""
+
+
+class Turned(NamedTuple):
+    """How a target has moved since its start: its middle's velocity, x and y (pixels/s), turning (rad/s) and growing
+    (1/s)."""
+
+    velocity: Float64Array
+    turning_rad_s: float
+    growing_per_s: float
+
+    @classmethod
+    def of_flow(
+        cls, flow: EdgeFlow, growing_per_s: float, middle: Float64Array, place: Float64Array, time_s: float
+    ) -> Turned:
+        """By the flow of its edges round a place (pixels), whose events came so long after (s) the target's middle was
+        at `middle`, on average: where that was by then depends on how it moves."""
+        turning_rad_s = flow.turning_rad_s
+        change = np.array([[growing_per_s, -turning_rad_s], [turning_rad_s, growing_per_s]])
+        velocity = np.linalg.solve(np.eye(2) - change * time_s, flow.velocity + change @ (middle - place))
+        return cls(np.asarray(velocity, np.float64), turning_rad_s, growing_per_s)
+
+    def undone(self, events: Float32Array, middle: Float64Array) -> Float32Array:
+        """Events, whose ages count backwards from the start, where they would have been then; the target's middle was
+        at `middle` (pixels). Within a start things turn by more than what a straight line could stand for."""
+        moved, age_s = events.copy(), events[:, AGE].astype(np.float64)
+        right, down = (events[:, :2] + np.outer(age_s, self.velocity) - middle).T
+        cos, sin = np.cos(self.turning_rad_s * age_s), np.sin(self.turning_rad_s * age_s)
+        size = np.exp(self.growing_per_s * age_s)
+        moved[:, X] = middle[0] + size * (cos * right - sin * down)
+        moved[:, Y] = middle[1] + size * (sin * right + cos * down)
+        return moved
+
+
+def turning_at_start(flows: EdgeFlows, arm_px: float, time_s: float) -> float:
+    """How fast a target has turned since its start (rad/s) by the flow of its edges; 0 where it may as well not turn.
+
+    Args:
+        flows: of its edges.
+        arm_px: how far its outline is from its middle (pixels).
+        time_s: since its start (s).
+    """
+    along, turning = flows
+    rate = turning.turning_rad_s
+    if abs(rate) * arm_px * time_s < START_MOVED_PX or abs(rate) < START_ERRORS * turning.turning_error:
+        return 0.0
+    return rate if turning.spread_px_s <= START_SPREAD_MAX * along.spread_px_s else 0.0
+
+
+class TurningByFlow:
+    """Puts the rate at which a target turns right while it is followed: a Kalman filter of the rate alone."""
+
+    def __init__(self) -> None:
+        self._measured_ns = 0
+        self._variance = UNKNOWN_RAD_S**2
+
+    def correction(
+        self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, turning_rad_s: float
+    ) -> float:
+        """What to add to the rate of turning (rad/s).
+
+        Args:
+            surface: the events.
+            box: the target's (pixels).
+            place: x, y of its middle (pixels).
+            speed_px_s: how fast its edges pass over pixels.
+            turning_rad_s: how fast it is taken to turn (rad/s).
+        """
+        since_s = (surface.stamp_ns - self._measured_ns) * 1e-9
+        if since_s < MEASURE_S:
+            return 0.0
+        self._measured_ns = surface.stamp_ns
+        self._variance = min(self._variance + CHANGES_RAD_S**2 * since_s, UNKNOWN_RAD_S**2)
+        span_s = min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
+        x, y = place.tolist()
+        flows = surface.flows(surface.window(box, FLOW_MARGIN_PX), span_s, x, y)
+        if flows is None or flows.turning.turning_error > ERROR_MAX_RAD_S:
+            return 0.0
+        flow = flows.turning
+        more = flow.turning_rad_s - turning_rad_s
+        if flow.turning_rad_s * turning_rad_s > 0:
+            more = math.copysign(max(0.0, abs(more) - TOO_FAST_SHARE * abs(flow.turning_rad_s)), more)
+        # Flows of times that overlap say the same again.
+        variance = (ERRORS * flow.turning_error + ERROR_FLOOR_RAD_S) ** 2 * max(1.0, span_s / since_s)
+        gain = self._variance / (self._variance + variance)
+        self._variance *= 1 - gain
+        return gain * more

@@ -1,0 +1,139 @@
+"""What turns in place or on its way is followed from its start on, by a box that turns with it."""
+
+import math
+
+import numpy as np
+import pytest
+from tracked_scenes import overlap, scene_of, tracked
+
+from etd_ros.boxes import Box
+from etd_ros.simulation import Scene, Sprite, Waypoint
+from etd_ros.simulation.things import dartboard
+from etd_ros.tracking import ContourConfig, TargetState
+from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
+from etd_ros.tracking.growth import START_MOVED_PX
+from etd_ros.tracking.turning import ERROR_MAX_RAD_S, MEASURE_S, Turned, TurningByFlow, turning_at_start
+
+DURATION_S = 0.8
+X, Y = 120.0, 90.0
+BOX = Box(100, 70, 40, 40)
+PLACE = np.array(BOX.center)
+
+
+def turning(angle_of, *, moves_px_s=0.0):
+    """A square that is turned as a function of the time (s) says."""
+    times_s = np.linspace(0, DURATION_S, 41).tolist()
+    start_x = X - moves_px_s * DURATION_S / 2
+    waypoints = [Waypoint(t, start_x + moves_px_s * t, Y, 1.0, angle_of(t)) for t in times_s]
+    return scene_of(*waypoints, duration_s=DURATION_S)
+
+
+def overlaps_at_the_end(scene):
+    found = tracked(scene, start_s=0.02)
+    assert {report.state for _, report, _ in found} == {TargetState.TRACKING}
+    return [overlap(report, truth) for time_s, report, truth in found if time_s > DURATION_S / 2]
+
+
+@pytest.mark.parametrize("rad_s", [-2.0, 1.0, 4.0, 7.0])
+def test_what_turns_in_place_keeps_its_box(rad_s):
+    assert np.mean(overlaps_at_the_end(turning(lambda t: rad_s * t))) > 0.8
+
+
+def test_what_turns_on_its_way_keeps_its_box():
+    assert np.mean(overlaps_at_the_end(turning(lambda t: 3 * t, moves_px_s=80.0))) > 0.7
+
+
+def test_what_swings_keeps_its_box():
+    assert np.mean(overlaps_at_the_end(turning(lambda t: 0.9 * math.sin(2 * math.pi * 0.8 * t)))) > 0.7
+
+
+def test_the_box_of_a_disc_stays_as_it_is_while_it_turns():
+    scene = turning(lambda t: 4 * t)
+    texture, opacity = dartboard(np.random.default_rng(3), 40)
+    disc = Sprite("thing", texture, opacity, scene.sprites[0].path)
+    assert min(overlaps_at_the_end(Scene(scene.width, scene.height, DURATION_S, scene.background, (disc,)))) > 0.8
+
+
+def test_a_model_that_is_kept_upright_does_not_turn():
+    config = ContourConfig(refine_gain=0.0, angle_gain=0.0, scale_gain=0.0)
+    found = tracked(turning(lambda t: 0.5 * t), start_s=0.02, config=config)
+    assert len({round(report.box.w, 6) for _, report, _ in found if report.box}) == 1
+
+
+def flows(rate, error=0.1, *, spread_px_s=2.0, along_px_s=20.0):
+    still = np.zeros(2)
+    return EdgeFlows(EdgeFlow(still, 0.0, 0.1, along_px_s), EdgeFlow(still, 0.0, 0.1, spread_px_s, rate, error))
+
+
+def test_a_start_believes_a_flow_that_is_sure_to_turn():
+    assert turning_at_start(flows(3.0), 20.0, 0.1) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("seen", "time_s"),
+    [
+        (flows(3.0, 0.6), 0.1),
+        (flows(3.0), START_MOVED_PX / 20 / 3.1),
+        (flows(3.0, spread_px_s=15.0), 0.1),
+    ],
+    ids=["unsure", "hardly any motion", "its edges go as well along"],
+)
+def test_a_start_takes_other_flows_for_no_turning(seen, time_s):
+    assert turning_at_start(seen, 20.0, time_s) == 0.0
+
+
+def test_what_has_turned_and_moved_is_brought_back_to_its_start():
+    velocity, rate, growing = np.array([60.0, -30.0]), 5.0, 0.8
+    at_first = np.random.default_rng(1).uniform(-20, 20, (50, 2))
+    times_s = np.linspace(0, 0.15, 50)
+    cos, sin, size = np.cos(rate * times_s), np.sin(rate * times_s), np.exp(growing * times_s)
+    x, y = at_first.T
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1) * size[:, None]
+    places = PLACE + np.outer(times_s, velocity) + turned
+    events = np.column_stack([places, -times_s, np.ones(50)]).astype(np.float32)
+    undone = Turned(velocity, rate, growing).undone(events, PLACE)
+    assert undone[:, :2] == pytest.approx(PLACE + at_first, abs=1e-3)
+
+
+def test_the_velocity_is_that_of_the_middle_wherever_the_flow_was_measured():
+    velocity, rate, time_s = np.array([60.0, -30.0]), 5.0, 0.05
+    middle, place = PLACE + velocity * time_s, PLACE + np.array([7.0, -4.0])
+    right, below = place - middle
+    there = EdgeFlow(velocity + rate * np.array([-below, right]), 0.0, 0.1, 1.0, rate, 0.1)
+    assert Turned.of_flow(there, 0.0, PLACE, place, time_s).velocity == pytest.approx(velocity)
+
+
+class FlowingSurface:
+    """Has these flows, whatever it is asked."""
+
+    def __init__(self, seen):
+        self._seen, self.stamp_ns = seen, round(MEASURE_S * 1e9)
+
+    def flows(self, window, duration_s, x, y):
+        return self._seen
+
+    def window(self, box, margin):
+        return 0, 0, 0, 0
+
+
+def correction(seen, rate, filtered=None):
+    return (filtered or TurningByFlow()).correction(FlowingSurface(seen), BOX, PLACE, 50.0, rate)
+
+
+def test_the_rate_of_what_turns_back_is_put_right():
+    assert -6.0 < correction(flows(-3.0), 3.0) < -3.0
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [flows(3.0 / 0.7), flows(-3.0, ERROR_MAX_RAD_S + 0.1), None],
+    ids=["as fast as flows may be wrong by", "unsure", "few edges"],
+)
+def test_other_flows_leave_the_rate_as_it_is(seen):
+    assert correction(seen, 3.0) == 0.0
+
+
+def test_a_rate_is_measured_now_and_then():
+    filtered = TurningByFlow()
+    assert correction(flows(-3.0), 3.0, filtered) != 0.0
+    assert correction(flows(-3.0), 3.0, filtered) == 0.0
