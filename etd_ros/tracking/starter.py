@@ -140,6 +140,12 @@ class Starter:
             changes.stops += rest
             self._own_targets.begin_again(first)
             parts.update(whole.names)
+        whole_boxes = [box for _, box in changes.again]
+        left = [target for target in own if target.name not in parts]
+        for name, box in auto.realigned(left, [*others, *whole_boxes]):
+            changes.again.append((name, box))
+            self._own_targets.begin_again(name)
+            parts.add(name)
         return [report for report in reports if report.name not in parts]
 
     def _next_name(self, taken: Collection[str]) -> str:
