@@ -40,7 +40,7 @@ class AutoTargets:
         self._discovery = discovery
         self._width, self._height = width, height
         self._candidates: list[Candidate] = []
-        self._realigned = Realigned()
+        self._realigned = Realigned(width, height)
 
     def forget(self) -> None:
         """Start a new stream."""

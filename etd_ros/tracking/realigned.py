@@ -26,9 +26,14 @@ BESIDE_SHARED = 0.3
 
 
 class Realigned:
-    """For how long the boxes of own targets have been off."""
+    """For how long the boxes of own targets have been off.
 
-    def __init__(self) -> None:
+    Args:
+        width, height: sensor size (pixels).
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self._width, self._height = width, height
         self._off_ns: dict[str, tuple[int, ...]] = {}
         self._seen: dict[str, Box] = {}
 
@@ -59,7 +64,8 @@ class Realigned:
             before = self._seen.get(target.name)
             is_steady = before is not None and before.iou(seen) >= STEADY_IOU
             seen_now[target.name] = seen
-            if target.box.iou(seen) >= MISFIT_IOU:
+            # What leaves is moved on beyond the border, where no target can start.
+            if target.box.iou(seen) >= MISFIT_IOU or not self._holds_middle(seen):
                 continue
             looks_ns = (*(self._off_ns.get(target.name, ()) if is_steady else ()), stamp_ns)
             if len(looks_ns) >= OFF_LOOKS_MIN and stamp_ns - looks_ns[0] >= OFF_MIN_S * 1e9:
@@ -68,6 +74,10 @@ class Realigned:
                 off_ns[target.name] = looks_ns
         self._off_ns, self._seen = off_ns, seen_now
         return found
+
+    def _holds_middle(self, box: Box) -> bool:
+        x, y = box.center
+        return 0 <= x < self._width and 0 <= y < self._height
 
 
 def _around(boxes: Sequence[Box]) -> Box | None:

@@ -18,7 +18,7 @@ def own_target(box, name="auto_1"):
 
 def realigned(own, seen=lambda _: [SEEN], others=(), looks=LOOKS):
     """What the looks say to boxes that stay where they are."""
-    rule, said = Realigned(), []
+    rule, said = Realigned(240, 180), []
     for look in range(looks):
         stamp_ns = look * LOOK_NS
         candidates = [Candidate(Sighting(box, (0.0, 0.0), 1.0), stamp_ns, 0, box.center) for box in seen(look)]
@@ -48,6 +48,10 @@ def test_a_box_that_is_off_for_a_moment_only_stays():
 def test_a_box_stays_where_what_is_seen_is_each_time_something_else():
     seen = [Box(90, 50, 12, 12), Box(130, 60, 12, 30), Box(100, 120, 30, 12)]
     assert not realigned([own_target(Box(80, 40, 80, 110))], seen=lambda look: [seen[look % 3]])
+
+
+def test_a_box_does_not_follow_what_is_seen_beyond_the_sensor():
+    assert not realigned([own_target(Box(215, 60, 60, 90))], seen=lambda _: [Box(238, 70, 20, 40)])
 
 
 @pytest.mark.parametrize("is_own", [True, False])
