@@ -2,9 +2,9 @@
 
     python docs/auto_measures.py [FIRST LAST]     # seeds, 0 and 3 if none are given; two minutes
 
-Random cars, and a lamp that flickers, before random backgrounds, a sensor of 346x260 pixels with noise. Each line: the
-share of the time from when half of it can be seen and it moves, in which a box has an IoU of 0.5 with it; the share of
-the things that have one most of that time; and starts on what is no thing that moves, of how many.
+Random cars, people who walk, a lamp that flickers, before random backgrounds, a sensor of 346x260 pixels with noise.
+Each line: the share of the time from when half of it can be seen and it moves, in which a box has an IoU of 0.5 with
+it; the share of the things that have one most of that time; and starts on what is no thing that moves, of how many.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from seeded_scenes import SeededScene, seeds_asked_for
+from walking_people import box_of_all, names_of_all, person
 
 from etd_ros.boxes import Box
 from etd_ros.engine import track
@@ -38,7 +39,7 @@ Way = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Street(SeededScene):
-    """Cars, one of the kinds that KINDS makes.
+    """Cars or people, one of the kinds that KINDS makes.
 
     Attributes:
         kind: which.
@@ -86,7 +87,7 @@ def queue(rng: np.random.Generator) -> tuple[float, tuple[Sprite, ...]]:
     speed, size = rng.uniform(35, 90), int(rng.integers(36, 60))
     behind = size * rng.uniform(1.5, 2.0)
     ways: list[Way] = [lambda t: 130 + speed * t, lambda t: 130 - behind + speed * t]
-    return 2.0, tuple(_car(rng, f"car {index}", size, way, 0.55, 2.0) for index, way in enumerate(ways))
+    return 2.0, tuple(_car(rng, f"car_{index}", size, way, 0.55, 2.0) for index, way in enumerate(ways))
 
 
 def lamp(rng: np.random.Generator) -> tuple[float, tuple[Sprite, ...]]:
@@ -98,6 +99,16 @@ def lamp(rng: np.random.Generator) -> tuple[float, tuple[Sprite, ...]]:
     return duration_s, (car, Sprite("lamp", texture, opacity, place, is_target=False, flicker=flicker))
 
 
+def walks(rng: np.random.Generator) -> tuple[float, tuple[Sprite, ...]]:
+    """Somebody walks through the picture."""
+    return 2.5, _walker(rng, "first", rng.uniform(-0.1, 0.3))
+
+
+def two_walk(rng: np.random.Generator) -> tuple[float, tuple[Sprite, ...]]:
+    """Two walk, to the same side or not."""
+    return 2.5, (*_walker(rng, "first", 0.15), *_walker(rng, "second", 0.65))
+
+
 KINDS = {
     "a car passes": passes,
     "a car passes, 120 to 190 px": near,
@@ -105,6 +116,8 @@ KINDS = {
     "a car sets off": sets_off,
     "two cars in a queue": queue,
     "a car passes, a lamp flickers": lamp,
+    "somebody walks": walks,
+    "two walk": two_walk,
 }
 
 
@@ -113,17 +126,30 @@ def _car(rng: np.random.Generator, name: str, size: int, way: Way, down: float, 
     return Sprite(name, texture, opacity, Path.of(lambda t: (way(t), down * HEIGHT + 0 * t), duration_s))
 
 
+def _walker(rng: np.random.Generator, name: str, starts: float) -> tuple[Sprite, ...]:
+    """Somebody who starts at this share of the picture's width from the side that they come from."""
+    height_px = rng.uniform(60, 150)
+    pace_px_s = height_px * rng.uniform(0.45, 0.95)
+    to_the_right = rng.random() < 0.5
+
+    def way(t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        gone_px = starts * WIDTH + pace_px_s * t
+        return gone_px if to_the_right else WIDTH - gone_px
+
+    return person(rng, name, height_px, way, HEIGHT * rng.uniform(0.75, 0.95), 2.5)
+
+
 def covers(street: Street) -> tuple[str, list[float], list[bool]]:
-    """The kind, for each car the share of its time with a box, and for each start whether it is on none of them."""
+    """The kind, for each car or person the share of its time with a box, and for each start whether it is on none."""
     scene = street.scene()
-    overlaps: dict[str, list[float]] = {name: [] for name in scene.targets}
+    overlaps: dict[str, list[float]] = {name: [] for name in names_of_all(scene)}
     strays: dict[str, bool] = {}
     next_s, guard = 0.0, StreamGuard()
     streams = (batch for part in street.events(scene, start_ns=START_NS) for batch in guard.feed(part))
     for step in track(streams, [], auto=True, threads=False):
         time_s = (step.frame.stamp_ns - START_NS) * 1e-9
         boxes = {report.name: report.box for report in step.reports if report.box is not None}
-        truth = {name: scene.box(name, time_s) for name in scene.targets}
+        truth = {name: box_of_all(scene, name, time_s) for name in overlaps}
         for name in boxes.keys() - strays.keys():
             strays[name] = not any(shared(boxes[name], box) > SUCCESS_IOU for box in truth.values())
         if time_s < next_s:

@@ -11,6 +11,7 @@ from etd_ros.tracking.auto_candidates import Candidate
 from etd_ros.tracking.discovery import Discovery, shared
 from etd_ros.tracking.own_targets import OwnTarget
 from etd_ros.tracking.parts import Whole, wholes
+from etd_ros.tracking.realigned import Realigned
 from etd_ros.tracking.target import TargetReport, TargetState
 
 UNSEEN_S = 0.13
@@ -39,10 +40,12 @@ class AutoTargets:
         self._discovery = discovery
         self._width, self._height = width, height
         self._candidates: list[Candidate] = []
+        self._realigned = Realigned(width, height)
 
     def forget(self) -> None:
         """Start a new stream."""
         self._candidates.clear()
+        self._realigned.forget()
 
     def take(self) -> None:
         """Take what the discovery's last look has found."""
@@ -93,7 +96,15 @@ class AutoTargets:
             own: those targets, as far as they are tracked, in the order of their start.
             others: the boxes (pixels) of the targets that started otherwise.
         """
-        return wholes([c for c in self._candidates if c.stamp_ns == self._discovery.stamp_ns], own, others)
+        return wholes(self._seen_now(), own, others)
+
+    def realigned(self, own: Sequence[OwnTarget], others: Sequence[Box]) -> list[tuple[str, Box]]:
+        """The targets that started by themselves, of these, that are to go on from another box, and those boxes
+        (pixels)."""
+        return self._realigned.take(self._discovery.stamp_ns, self._seen_now(), own, others)
+
+    def _seen_now(self) -> list[Candidate]:
+        return [candidate for candidate in self._candidates if candidate.stamp_ns == self._discovery.stamp_ns]
 
     def _is_sure(self, candidate: Candidate) -> bool:
         seen_s = (candidate.stamp_ns - candidate.first_ns) * 1e-9

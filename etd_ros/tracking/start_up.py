@@ -15,6 +15,7 @@ from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float6
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
 from etd_ros.tracking.edge_flow import EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start
+from etd_ros.tracking.start_events import StartEvents
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 from etd_ros.tracking.turning import Turned, turning_at_start
@@ -119,7 +120,7 @@ class StartUp:
         self._contours.pose[:] = self._pose
         self._growing_per_s = self._turning_rad_s = 0.0
         self._start_ns = self._contours.stamp_ns = stamp_ns
-        self._collected: list[Float32Array] = []
+        self._collected = StartEvents()
         self._fast_looks = 0
         self._seen_turning = self._agreement = 0.0
         self._surroundings = Surroundings(self._contours.box, stamp_ns, self._late_s)
@@ -168,21 +169,23 @@ class StartUp:
         x, y = contours.predicted(surface.stamp_ns)
         window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
-        self._collect(points[:count], surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
-        events = np.ascontiguousarray(np.concatenate(self._collected))
+        self._collected.take(points[:count], time_s)
+        events = self._collected.events
         fitted_s = max(time_s, elapsed_s, 1e-3)
         if len(events) >= EVENTS_MIN:
             self._fit(events, fitted_s)
         has_left = self._follow_out(fitted_s)
         if has_left:
-            events = self._surroundings.events
+            events = self._collected.events
         self._growing_per_s = self._turning_rad_s = 0.0
         if not has_left:
             self._take_flow(surface, events, time_s)
         moved = math.hypot(contours.speed_px_s, *self._outline_px_s()) * time_s
         is_over = (
-            (len(self._collected) >= LOOKS and moved >= MOTION_MIN_PX) or moved >= MOTION_MAX_PX or time_s >= TIME_MAX_S
+            (self._collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
+            or moved >= MOTION_MAX_PX
+            or time_s >= TIME_MAX_S
         )
         if is_over and moved > APART_PX and not any(self._outline_px_s()):
             self._tell_apart(events, time_s)
@@ -240,12 +243,6 @@ class StartUp:
         self._seen_turning = rate
         return turned if before * rate > 0 else None
 
-    def _collect(self, points: Float32Array, stamp_ns: int) -> None:
-        """Keep points with ages that count backwards from the start."""
-        kept = points.copy()
-        kept[:, AGE] -= np.float32((stamp_ns - self._start_ns) * 1e-9)
-        self._collected.append(kept)
-
     def _fit(self, events: Float32Array, time_s: float) -> None:
         """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
         off where that is clearly better; by how far it can be believed."""
@@ -282,7 +279,7 @@ class StartUp:
             return False
         self._contours.velocity = left.velocity
         # What was collected where it was believed is not of it.
-        self._collected = [events, *(np.empty((0, 4), np.float32) for _ in self._collected[1:])]
+        self._collected.replace(events)
         return True
 
     def _tell_apart(self, events: Float32Array, time_s: float) -> None:

@@ -23,7 +23,8 @@ class Changes:
     Attributes:
         starts: names and boxes (pixels) of new ones.
         stops: names of those to forget.
-        again: names and boxes (pixels) of those that were on a part of something, and go on with all of it.
+        again: names and boxes (pixels) of those that were on a part of something, and go on with all of it, or whose
+            box no longer fits what is seen there.
         notices: sentences about clicks that start nothing.
     """
 
@@ -114,7 +115,7 @@ class Starter:
     ) -> None:
         """Add what starts by itself, and what goes on with all of something, to a frame's changes."""
         auto.take()
-        reports = self._made_whole(auto, changes, reports)
+        reports = self._put_right(auto, changes, reports)
         boxes = [report.box for report in reports if report.box is not None]
         boxes += [box for _, box in (*changes.again, *changes.starts)]
         own_room = self._config.max_targets - len(self._own)
@@ -123,24 +124,30 @@ class Starter:
         taken |= {name for name, _ in changes.starts} | set(self._own)
         changes.starts += [(self._next_name(taken), box) for box in auto.ready(boxes, room + len(changes.stops))]
 
-    def _made_whole(
+    def _put_right(
         self, auto: AutoTargets, changes: Changes, reports: Sequence[TargetReport]
     ) -> Sequence[TargetReport]:
-        """Have the oldest of the targets that are parts of something go on with all of it, and stop the others; the
-        reports of the rest."""
+        """Have the oldest of the targets that are parts of something go on with all of it, and stop the others; have
+        those whose boxes no longer fit go on from what is seen there; the reports of the rest."""
         own = self._own_targets.take(
             self._discovery.stamp_ns, [report for report in reports if report.name in self._own]
         )
         others = [report.box for report in reports if report.box is not None and report.name not in self._own]
         others += [box for _, box in changes.starts]
-        parts: set[str] = set()
+        replaced: set[str] = set()
         for whole in auto.wholes(own, others):
             first, *rest = whole.names
             changes.again.append((first, whole.box))
             changes.stops += rest
             self._own_targets.begin_again(first)
-            parts.update(whole.names)
-        return [report for report in reports if report.name not in parts]
+            replaced.update(whole.names)
+        whole_boxes = [box for _, box in changes.again]
+        left = [target for target in own if target.name not in replaced]
+        for name, box in auto.realigned(left, [*others, *whole_boxes]):
+            changes.again.append((name, box))
+            self._own_targets.begin_again(name)
+            replaced.add(name)
+        return [report for report in reports if report.name not in replaced]
 
     def _next_name(self, taken: Collection[str]) -> str:
         name = ""

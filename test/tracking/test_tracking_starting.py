@@ -12,6 +12,8 @@ from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.simulation.things import car
 from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
 from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.starter import Starter
+from etd_ros.tracking.target import TargetReport
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -146,6 +148,23 @@ def test_a_car_whose_part_was_seen_first_has_one_target_with_all_of_it():
     assert first < 0.2
     assert last.name == "auto_1"
     assert overlap(last.box, scene.box("car", frame.stamp_ns * 1e-9)) > 0.8
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_swollen_box_goes_on_from_what_is_seen_unless_it_was_given(ball, is_given):
+    scene, frames = ball
+    starter = Starter(scene.width, scene.height, DiscoveryConfig(), auto=True)
+    (ball_name,) = scene.targets
+    names, again = ["given"] if is_given else [], []
+    for frame in frames:
+        truth = scene.box(ball_name, seconds(frame.stamp_ns))
+        reports = [TargetReport(name, TargetState.TRACKING, truth.scaled(2.0), 1.0) for name in names]
+        changes = starter.take(frame.stamp_ns, frame.data, reports)
+        names += [name for name, _ in changes.starts]
+        again += [(name, overlap(box, truth)) for name, box in changes.again]
+    assert names == ["given" if is_given else "auto_1"]
+    assert bool(again) != is_given
+    assert all(name == "auto_1" and fit > 0.7 for name, fit in again)
 
 
 def test_names_of_clicks_that_wait_are_not_given_to_anything_else(ball):
