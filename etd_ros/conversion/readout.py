@@ -60,10 +60,15 @@ def read_levels(
                     write_tile(levels, data, byte, row_bytes)
                 else:
                     _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
-            if twins <= pairs_max:
+            # In this order the compiler leaves the twins out where nobody asks for them.
+            if is_full:
+                loss, without = _lost_by_levels(cells, tile)
+                lost += loss
+                without_entropy += without
+            elif twins <= pairs_max:
                 pairs += twins & -np.int64(is_counted[tile])
             else:
-                loss, without = _lost_by_levels(cells, tile) if is_full else _lost_by_twins(cells, tile)
+                loss, without = _lost_by_twins(cells, tile)
                 lost += loss
                 without_entropy += without
     return lost + pairs * cells.loss[1], without_entropy
