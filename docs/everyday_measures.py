@@ -11,22 +11,15 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from seeded_scenes import SeededScene
+from seeded_scenes import SeededScene, mean_overlap, print_overlaps
 
-from etd_ros.engine import FrameSource
-from etd_ros.evaluation.scoring import SUCCESS_IOU
-from etd_ros.evaluation.suite import START_NS
-from etd_ros.events import concatenate
-from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Scene, SensorConfig, Sprite
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig, MultiTracker
 
 WIDTH, HEIGHT, CELL_PX = 240, 180, 9
 
@@ -83,22 +76,6 @@ def _disc(size_px: int) -> npt.NDArray[np.float64]:
     """1 where a disc of this diameter (pixels) covers its square."""
     rows, columns = np.mgrid[:size_px, :size_px] - (size_px - 1) / 2
     return np.asarray(np.hypot(columns, rows) < size_px / 2, np.float64)
-
-
-def mean_overlap(trouble: Trouble) -> tuple[str, float]:
-    """What it is an example of, and the mean IoU of its boxes in the time that counts."""
-    scene = trouble.scene()
-    events = concatenate(list(trouble.events(scene, start_ns=START_NS)))
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
-    overlaps = []
-    for frame in FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events):
-        time_s = (frame.stamp_ns - START_NS) * 1e-9
-        if time_s >= trouble.starts_s + trouble.late_s and not tracker.targets:
-            tracker.start("thing", scene.box("thing", trouble.starts_s), START_NS + round(trouble.starts_s * 1e9))
-        for report in tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns):
-            if time_s > trouble.counts_s:
-                overlaps.append(0.0 if report.box is None else report.box.iou(scene.box("thing", time_s)))
-    return trouble.kind, float(np.mean(overlaps))
 
 
 def stops() -> Iterator[Trouble]:
@@ -172,11 +149,10 @@ def main() -> None:
     """Print a line for each kind."""
     troubles = [*stops(), *sets_off(), *turns_round(), *comes_late(), *comes_nearer()]
     found: dict[str, list[float]] = {}
-    for kind, overlap in map(mean_overlap, troubles):
-        found.setdefault(kind, []).append(overlap)
-    for kind, overlaps in found.items():
-        good = sum(overlap >= SUCCESS_IOU for overlap in overlaps)
-        sys.stdout.write(f"{kind:40s} {np.mean(overlaps):.3f}  {good} of {len(overlaps)}\n")
+    for trouble in troubles:
+        overlap = mean_overlap(trouble, trouble.starts_s, trouble.counts_s, trouble.late_s)
+        found.setdefault(trouble.kind, []).append(overlap)
+    print_overlaps(found)
 
 
 if __name__ == "__main__":

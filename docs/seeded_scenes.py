@@ -8,14 +8,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from etd_ros.engine import track
+import numpy as np
+
+from etd_ros.engine import FrameSource, track
+from etd_ros.evaluation.scoring import SUCCESS_IOU
 from etd_ros.evaluation.suite import START_NS
 from etd_ros.evaluation.tracks import TrackRow
-from etd_ros.events import Events
+from etd_ros.events import Events, concatenate
+from etd_ros.settings import Settings
 from etd_ros.simulation import Scene, SensorConfig, simulate
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import TargetState
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,30 @@ def tracked(seeded: SeededScene, start: TargetStart) -> list[TrackRow]:
         if report.state is not TargetState.IDLE:
             rows.append(TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value))
     return rows
+
+
+def mean_overlap(seeded: SeededScene, starts_s: float, counts_s: float, late_s: float = 0.0) -> float:
+    """The mean IoU of the boxes of a scene's "thing" after a time (s), on its fine frames; the target starts at
+    `starts_s`, and is named so much later."""
+    scene = seeded.scene()
+    events = concatenate(list(seeded.events(scene, start_ns=START_NS)))
+    tracker = MultiTracker(scene.width, scene.height, contours=ContourConfig())
+    overlaps = []
+    for frame in FrameSource("atsltd_fine", scene.width, scene.height, Settings()).frames(events):
+        time_s = (frame.stamp_ns - START_NS) * 1e-9
+        if time_s >= starts_s + late_s and not tracker.targets:
+            tracker.start("thing", scene.box("thing", starts_s), START_NS + round(starts_s * 1e9))
+        for report in tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns):
+            if time_s > counts_s:
+                overlaps.append(0.0 if report.box is None else report.box.iou(scene.box("thing", time_s)))
+    return float(np.mean(overlaps))
+
+
+def print_overlaps(found: dict[str, list[float]]) -> None:
+    """Print a line for each kind of scene: the mean of its overlaps, and how many are a success."""
+    for kind, overlaps in found.items():
+        good = sum(overlap >= SUCCESS_IOU for overlap in overlaps)
+        sys.stdout.write(f"{kind:40s} {np.mean(overlaps):.3f}  {good} of {len(overlaps)}\n")
 
 
 def seeds_asked_for(first: int, last: int) -> range:

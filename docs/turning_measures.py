@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -20,19 +19,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from everyday_measures import HEIGHT, WIDTH
-from seeded_scenes import SeededScene, seeds_asked_for
+from seeded_scenes import SeededScene, mean_overlap, print_overlaps, seeds_asked_for
 
-from etd_ros.engine import FrameSource
-from etd_ros.evaluation.scoring import SUCCESS_IOU
-from etd_ros.evaluation.suite import START_NS
-from etd_ros.events import concatenate
-from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Scene, SensorConfig, Sprite
 from etd_ros.simulation.backgrounds import clutter, wall
 from etd_ros.simulation.photographs import photograph
 from etd_ros.simulation.textures import checks
 from etd_ros.simulation.things import OVERSAMPLING, Thing, ball, dartboard, shrunk, surface_of
-from etd_ros.tracking import ContourConfig, MultiTracker
 
 STREAM = 98
 """Beside the seed: no other list of scenes has these."""
@@ -146,31 +139,14 @@ def all_kinds(seeds: range) -> Iterator[Turning]:
         yield Turning(seed, "with all, .3 to 1.5 rad/s", thing, (0.3, 1.5), rolls=True)
 
 
-def mean_overlap(turning: Turning) -> float:
-    """The mean IoU of its boxes in the second half."""
-    scene = turning.scene()
-    events = concatenate(list(turning.events(scene, start_ns=START_NS)))
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig())
-    tracker.start("thing", scene.box("thing", STARTS_S), START_NS + round(STARTS_S * 1e9))
-    overlaps = []
-    for frame in FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events):
-        time_s = (frame.stamp_ns - START_NS) * 1e-9
-        for report in tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns):
-            if time_s > scene.duration_s / 2:
-                overlaps.append(0.0 if report.box is None else report.box.iou(scene.box("thing", time_s)))
-    return float(np.mean(overlaps))
-
-
 def main() -> None:
     """Print a line for each motion and each thing."""
     found: dict[str, list[float]] = {}
     for turning in all_kinds(seeds_asked_for(4, 8)):
-        overlap = mean_overlap(turning)
+        overlap = mean_overlap(turning, STARTS_S, turning.scene().duration_s / 2)
         for kind in (turning.kind, turning.thing.__name__, "all"):
             found.setdefault(kind, []).append(overlap)
-    for kind, overlaps in found.items():
-        good = sum(overlap >= SUCCESS_IOU for overlap in overlaps)
-        sys.stdout.write(f"{kind:40s} {np.mean(overlaps):.3f}  {good} of {len(overlaps)}\n")
+    print_overlaps(found)
 
 
 if __name__ == "__main__":

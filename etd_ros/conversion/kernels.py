@@ -35,7 +35,7 @@ than one in so many of its events, or a stride: a check of all its cells that fa
 
 FULL_EVENTS = 12
 """A frame of more events than so many to each cell with events is full: its cells hold few levels. No trigger lets it
-come to that where things move: only what ends by its time does."""
+come to that where things move: only what ends by its time or count does."""
 
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""

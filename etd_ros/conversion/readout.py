@@ -130,7 +130,7 @@ def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
             if same + _U32(2) == len(cells.loss):
                 full |= OFF if place >= _U64(16) else ON
         word = _U32(word & _U32(word - _U32(1)))
-    return lost, int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
+    return lost, _is_without_entropy(cells, cell, full)
 
 
 @kernel_part
@@ -138,17 +138,21 @@ def _lost_by_levels(cells: CellMap, cell: np.uint64) -> tuple[float, int]:
     """The same of a cell of one tile, level by level instead of pixel by pixel."""
     if not cells.is_counted[cell]:
         return 0.0, 0
-    word = cells.words[cell]
     cell_pixels = len(cells.shared_loss) - 1
-    rest, lost, full = word, 0.0, 0
+    rest, lost, full = cells.words[cell], 0.0, 0
     while rest:
         same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(rest))])
         rest = _U32(rest & _U32(~same))
         on, off = _U64(count_bits(_U32(same & _ON_SLOTS))), _U64(count_bits(_U32(same >> _U32(CHANNEL_SLOTS))))
         lost += cells.shared_loss[on] + cells.shared_loss[off]
-        full += int(on == cell_pixels) + int(off == cell_pixels)
-    is_one_empty = _U32(word & _ON_SLOTS) == _U32(0) or _U32(word >> _U32(CHANNEL_SLOTS)) == _U32(0)
-    return lost, int(full == 2 or (full == 1 and is_one_empty))
+        full |= ON * int(on == cell_pixels) | OFF * int(off == cell_pixels)
+    return lost, _is_without_entropy(cells, cell, full)
+
+
+@kernel_part
+def _is_without_entropy(cells: CellMap, cell: np.uint64, full: int) -> int:
+    """1 for a cell whose channels are full of one level each, as `full` says, or empty; else 0."""
+    return int(full == (ON | OFF) or (full != 0 and _is_empty(cells, cell, full == OFF)))
 
 
 @kernel_part

@@ -40,7 +40,14 @@ class EdgeFlows(NamedTuple):
 
 
 def edge_flow(
-    times: npt.NDArray[np.int64], now_ns: int, span_s: float, window: tuple[int, int, int, int], x: float, y: float
+    times: npt.NDArray[np.int64],
+    now_ns: int,
+    span_s: float,
+    window: tuple[int, int, int, int],
+    x: float,
+    y: float,
+    *,
+    may_turn: bool = False,
 ) -> EdgeFlow | None:
     """How the edges in a window move.
 
@@ -51,18 +58,19 @@ def edge_flow(
         window: rows top .. bottom - 1 and columns left .. right - 1.
         x: the column of the place round which they grow (pixels).
         y: its row (pixels).
+        may_turn: whether they may turn round it as well.
 
     Returns:
         The motion, or None where there are too few edges.
     """
     flows = _flows(times, now_ns, span_s, window, x, y)
-    return None if len(flows) < FLOWS_MIN else _motion(flows, PARTS)
+    return None if len(flows) < FLOWS_MIN else _motion(flows, PARTS_TURNING if may_turn else PARTS)
 
 
 def edge_flows(
     times: npt.NDArray[np.int64], now_ns: int, span_s: float, window: tuple[int, int, int, int], x: float, y: float
 ) -> EdgeFlows | None:
-    """How the edges in a window move if they may turn round the place as well; the arguments are those of
+    """How the edges in a window move if they may not turn round the place, and if they may; the arguments are those of
     `edge_flow`."""
     flows = _flows(times, now_ns, span_s, window, x, y)
     return None if len(flows) < FLOWS_MIN else EdgeFlows(_motion(flows, PARTS), _motion(flows, PARTS_TURNING))

@@ -12,6 +12,7 @@ import math
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow
+from etd_ros.tracking.measured_rate import MeasuredRate
 from etd_ros.tracking.surface import TimeSurface, Window
 
 FLOW_MARGIN_PX = 2.0
@@ -63,13 +64,12 @@ def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float
 
 
 class GrowthByFlow:
-    """Puts a target's rate of growth right while it is followed: a Kalman filter of the rate alone, which is corrected
-    by the lesser of two flows that agree about its sign."""
+    """Puts a target's rate of growth right while it is followed, by the lesser of two flows that agree about its
+    sign."""
 
     def __init__(self) -> None:
-        self._measured_ns = 0
+        self._rate = MeasuredRate(MEASURE_S, UNKNOWN_PER_S, CHANGES_PER_S)
         self._last_per_s: float | None = None
-        self._variance = UNKNOWN_PER_S**2
 
     def correction(
         self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, growing_per_s: float
@@ -83,11 +83,8 @@ class GrowthByFlow:
             speed_px_s: how fast it moves.
             growing_per_s: how fast it is taken to grow (1/s).
         """
-        since_s = (surface.stamp_ns - self._measured_ns) * 1e-9
-        if since_s < MEASURE_S:
+        if not self._rate.is_due(surface.stamp_ns):
             return 0.0
-        self._measured_ns = surface.stamp_ns
-        self._variance = min(self._variance + CHANGES_PER_S**2 * since_s, UNKNOWN_PER_S**2)
         arm = arm_px(box.w, box.h)
         fastest_px_s = max(speed_px_s, abs(growing_per_s) * arm, 1e-3)
         span_s = min(max(SPAN_PX / fastest_px_s, SPAN_MIN_S), SPAN_MAX_S)
@@ -99,11 +96,7 @@ class GrowthByFlow:
         more, more_before = flow.growing_per_s - growing_per_s, last_per_s - growing_per_s
         if moved_px < MOVED_MIN_PX or more * more_before <= 0:
             return 0.0
-        # Flows of times that overlap say the same again.
-        variance = _error(flow) ** 2 * max(1.0, span_s / since_s)
-        gain = self._variance / (self._variance + variance)
-        self._variance *= 1 - gain
-        return gain * min(more, more_before, key=abs)
+        return self._rate.gain(_error(flow), span_s) * min(more, more_before, key=abs)
 
     @staticmethod
     def _flow(surface: TimeSurface, box: Box, place: Float64Array, span_s: float) -> EdgeFlow | None:

@@ -91,9 +91,10 @@ class TimeSurface:
         """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
         return bool(are_strewn(self._times, self.stamp_ns, duration_s, *window))
 
-    def flow(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlow | None:
-        """How the edges in a window move and grow round a place (pixels), by events that are at most so old."""
-        return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y)
+    def flow(self, window: Window, duration_s: float, x: float, y: float, *, may_turn: bool = False) -> EdgeFlow | None:
+        """How the edges in a window move and grow, and turn if they may, round a place (pixels), by events that are at
+        most so old."""
+        return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y, may_turn=may_turn)
 
     def flows(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlows | None:
         """The same without turning round the place and with it."""

@@ -16,6 +16,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_MOVED_PX
+from etd_ros.tracking.measured_rate import MeasuredRate
 from etd_ros.tracking.surface import TimeSurface
 
 START_ERRORS, START_SPREAD_MAX = 6.0, 0.6
@@ -83,11 +84,10 @@ def turning_at_start(flows: EdgeFlows, arm_px: float, time_s: float) -> float:
 
 
 class TurningByFlow:
-    """Puts the rate at which a target turns right while it is followed: a Kalman filter of the rate alone."""
+    """Puts the rate at which a target turns right while it is followed."""
 
     def __init__(self) -> None:
-        self._measured_ns = 0
-        self._variance = UNKNOWN_RAD_S**2
+        self._rate = MeasuredRate(MEASURE_S, UNKNOWN_RAD_S, CHANGES_RAD_S)
 
     def correction(
         self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, turning_rad_s: float
@@ -101,22 +101,14 @@ class TurningByFlow:
             speed_px_s: how fast its edges pass over pixels.
             turning_rad_s: how fast it is taken to turn (rad/s).
         """
-        since_s = (surface.stamp_ns - self._measured_ns) * 1e-9
-        if since_s < MEASURE_S:
+        if not self._rate.is_due(surface.stamp_ns):
             return 0.0
-        self._measured_ns = surface.stamp_ns
-        self._variance = min(self._variance + CHANGES_RAD_S**2 * since_s, UNKNOWN_RAD_S**2)
         span_s = min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
         x, y = place.tolist()
-        flows = surface.flows(surface.window(box, FLOW_MARGIN_PX), span_s, x, y)
-        if flows is None or flows.turning.turning_error > ERROR_MAX_RAD_S:
+        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)
+        if flow is None or flow.turning_error > ERROR_MAX_RAD_S:
             return 0.0
-        flow = flows.turning
         more = flow.turning_rad_s - turning_rad_s
         if flow.turning_rad_s * turning_rad_s > 0:
             more = math.copysign(max(0.0, abs(more) - TOO_FAST_SHARE * abs(flow.turning_rad_s)), more)
-        # Flows of times that overlap say the same again.
-        variance = (ERRORS * flow.turning_error + ERROR_FLOOR_RAD_S) ** 2 * max(1.0, span_s / since_s)
-        gain = self._variance / (self._variance + variance)
-        self._variance *= 1 - gain
-        return gain * more
+        return self._rate.gain(ERRORS * flow.turning_error + ERROR_FLOOR_RAD_S, span_s) * more

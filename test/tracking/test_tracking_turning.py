@@ -104,13 +104,13 @@ def test_the_velocity_is_that_of_the_middle_wherever_the_flow_was_measured():
 
 
 class FlowingSurface:
-    """Has these flows, whatever it is asked."""
+    """Has this flow with turning, whatever it is asked."""
 
     def __init__(self, seen):
         self._seen, self.stamp_ns = seen, round(MEASURE_S * 1e9)
 
-    def flows(self, window, duration_s, x, y):
-        return self._seen
+    def flow(self, window, duration_s, x, y, *, may_turn):
+        return self._seen.turning if may_turn and self._seen else None
 
     def window(self, box, margin):
         return 0, 0, 0, 0
