@@ -49,61 +49,6 @@ PRIOR_WEIGHT = 0.05
 """How much of the best score a place at the edge of the search gives away to one in its middle."""
 
 
-@njit(cache=True, nogil=True)
-def keep_times(times: npt.NDArray[np.int64], data: npt.NDArray[np.uint8], start_ns: int, duration_ns: int, top: int,
-               bottom: int, left: int, right: int) -> int:  # fmt: skip
-    """Enter a frame's event times into the surface, in a window of both; the number of its event pixels there."""
-    count = 0
-    share = duration_ns / 255.0
-    for row in range(top, bottom):
-        for column in range(left, right):
-            for channel in range(2):
-                level = data[row, column, channel]
-                if level > 0:
-                    count += 1
-                    times[row, column, channel] = start_ns + np.int64(level * share)
-    return count
-
-
-@njit(cache=True, nogil=True, forceinline=True)
-def _put(point: Float32Array, row: int, column: int, channel: int, age_s: float) -> None:
-    """Make a point of an event pixel."""
-    point[X] = column + 0.5
-    point[Y] = row + 0.5
-    point[AGE] = age_s
-    point[POLARITY] = 1.0 if channel == 0 else -1.0
-
-
-@njit(cache=True, nogil=True)
-def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
-           points: Float32Array) -> int:  # fmt: skip
-    """The surface's event pixels after `oldest_ns` in a window, as points; their number. More than fit are left out."""
-    count = 0
-    for row in range(top, bottom):
-        for column in range(left, right):
-            for channel in range(2):
-                time_ns = times[row, column, channel]
-                if time_ns > oldest_ns and count < len(points):
-                    _put(points[count], row, column, channel, (now_ns - time_ns) * 1e-9)
-                    count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
-def gather_newest(data: npt.NDArray[np.uint8], duration_s: float, top: int, bottom: int, left: int, right: int,
-                  points: Float32Array) -> int:  # fmt: skip
-    """A frame's event pixels in a window, as points; their number. More than fit are left out."""
-    count = 0
-    for row in range(top, bottom):
-        for column in range(left, right):
-            for channel in range(2):
-                level = data[row, column, channel]
-                if level > 0 and count < len(points):
-                    _put(points[count], row, column, channel, (1 - level / 255.0) * duration_s)
-                    count += 1
-    return count
-
-
 @njit(cache=True, nogil=True, forceinline=True)
 def parabola(left: float, middle: float, right: float, stiffness: float = 0.0) -> float:
     """Where the parabola through three values at -1, 0, 1 is largest, within half a step; 0 if it has no top.

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_kernels import Float32Array, gather, gather_newest, keep_times
+from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
+from etd_ros.tracking.surface_kernels import gather, gather_newest, keep_times
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts

@@ -12,8 +12,6 @@ from etd_ros.tracking.contour_kernels import (
     MAPS,
     WEIGHT,
     arm_cells,
-    gather,
-    keep_times,
     measure_norms,
     parabola,
     score_at,
@@ -23,6 +21,7 @@ from etd_ros.tracking.contour_kernels import (
     sums_on_grid,
     to_cells,
 )
+from etd_ros.tracking.surface_kernels import gather, keep_times
 
 ROWS, COLUMNS = 20, 24
 STILL = np.zeros(4)
