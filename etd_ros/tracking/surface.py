@@ -46,7 +46,9 @@ class TimeSurface:
         self.is_flash = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
+        self._times_of_rows = self._times.reshape(height, 2 * width)
         self._data: npt.NDArray[np.uint8] = np.zeros((0, 0, 2), np.uint8)
+        self._levels_of_rows: npt.NDArray[np.uint8] = np.zeros((0, 0), np.uint8)
 
     def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], start_ns: int | None = None) -> None:
         """Go on to the next frame: its end (ns), its levels, uint8, shape (height, width, 2), and its start (ns), by
@@ -63,6 +65,7 @@ class TimeSurface:
         self.before_ns, self.stamp_ns = self.stamp_ns, stamp_ns
         self.is_flash = is_flash(data)
         self._data = data
+        self._levels_of_rows = np.ascontiguousarray(data).reshape(self.height, 2 * self.width)
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a place (pixels) lies on the sensor."""
@@ -81,7 +84,8 @@ class TimeSurface:
 
     def keep(self, window: Window) -> int:
         """Enter the newest frame's events of a window; how many pixels they are."""
-        return int(keep_times(self._times, self._data, self.start_ns, self.stamp_ns - self.start_ns, *window))
+        duration_ns = self.stamp_ns - self.start_ns
+        return int(keep_times(self._times_of_rows, self._levels_of_rows, self.start_ns, duration_ns, *window))
 
     def points(self, window: Window, duration_s: float) -> tuple[Float32Array, int]:
         """The events of a window that are at most so old, as points, and their number; valid until the next call."""

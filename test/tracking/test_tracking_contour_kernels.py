@@ -53,10 +53,13 @@ def model_of(points, pose, direction):
 
 
 @settings(deadline=None)
-@given(arrays.arrays(np.uint8, (6, 7, 2)), st.integers(0, 6), st.integers(0, 6), st.integers(0, 7), st.integers(0, 7))
+@given(
+    *(arrays.arrays(np.uint8, (6, 70, 2)), st.integers(0, 6), st.integers(0, 6), st.integers(0, 70)),
+    st.integers(0, 70),
+)
 def test_levels_become_times_in_the_window_and_nowhere_else(data, top, bottom, left, right):
-    times = np.full((6, 7, 2), -1, np.int64)
-    count = keep_times(times, data, 1000, 255_000, top, bottom, left, right)
+    times = np.full((6, 70, 2), -1, np.int64)
+    count = keep_times(times.reshape(6, -1), data.reshape(6, -1), 1000, 255_000, top, bottom, left, right)
     expected = np.full_like(times, -1)
     inside = np.zeros_like(data, bool)
     inside[top:bottom, left:right] = True

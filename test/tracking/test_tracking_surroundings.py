@@ -5,7 +5,7 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.surroundings import Surroundings
+from etd_ros.tracking.surroundings import BOX_MARGIN, STEPS, Surroundings, _held, _held_at_steps
 
 WIDTH, HEIGHT, START_NS, FRAME_NS = 120, 90, 5_000_000_000, 1_000_000
 BOX = Box(50, 35, 20, 20)
@@ -92,3 +92,16 @@ def test_of_a_box_that_fills_its_surroundings_nothing_is_offered():
 
     surroundings, time_s = seen(corner, box=Box(1, 1, WIDTH - 2, HEIGHT - 2))
     assert surroundings.velocities(np.array([9000.0, 0.0]), time_s) == []
+
+
+def test_what_is_held_at_every_step_of_the_velocity_is_counted_event_by_event():
+    rng = np.random.default_rng(0)
+    events = rng.uniform((0, 0, -0.02, -1), (WIDTH, HEIGHT, 0, 1), (300, 4)).astype(np.float32)
+    box, step_px_s = np.array([*BOX.center, BOX.w, BOX.h]), np.array([150.0, 90.0])
+    held = _held_at_steps(events, box, step_px_s)
+    since_s = -events[:, 2].astype(np.float64)
+    for down, right in np.ndindex(held.shape):
+        velocity = (np.array([right, down]) - STEPS) * step_px_s
+        off_px = np.abs(events[:, :2] - box[:2] - velocity * since_s[:, None])
+        expected = np.count_nonzero((off_px <= box[2:] / 2 * BOX_MARGIN).all(axis=1))
+        assert held[down, right] == expected == _held(events, box, *velocity)
