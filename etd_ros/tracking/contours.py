@@ -127,7 +127,8 @@ class Contours:
     @property
     def box(self) -> Box:
         """The target's box (pixels)."""
-        return self.box_at(float(self.pose[0]), float(self.pose[1]))
+        x, y, _, _ = self.pose.tolist()
+        return self.box_at(x, y)
 
     @property
     def speed_px_s(self) -> float:
@@ -147,8 +148,8 @@ class Contours:
     def sizes_per_s(self) -> float:
         """How fast the target moves in widths and in heights of its box, together (1/s): what a box that stays behind
         loses of its overlap."""
-        box, (right, down) = self.box, self.velocity.tolist()
-        return abs(right) / box.w + abs(down) / box.h
+        (width, height), (right, down) = self._model_box.size(self.pose), self.velocity.tolist()
+        return abs(right) / width + abs(down) / height
 
     @property
     def is_fast(self) -> bool:
@@ -185,7 +186,7 @@ class Contours:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where the centre is at a time, if the motion goes on."""
-        (x, y), (right, down), since_s = self.pose[:2].tolist(), self.velocity.tolist(), self._since_s(stamp_ns)
+        (x, y, _, _), (right, down), since_s = self.pose.tolist(), self.velocity.tolist(), self._since_s(stamp_ns)
         return x + right * since_s, y + down * since_s
 
     def keep(self, surface: TimeSurface) -> int:

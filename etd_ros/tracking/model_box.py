@@ -40,14 +40,21 @@ class ModelBox:
 
     def at(self, x: float, y: float, pose: Float64Array) -> Box:
         """The box, if the model's middle is there (pixels) and its scale and angle are those of a pose."""
-        scale, angle = pose[SCALE:].tolist()
-        # Asked for many times between two looks, which alone change it.
+        (right_x, below_x), (right_y, below_y), (width, height) = self._placed_at(pose)
+        x, y = x + right_x - below_x, y + right_y + below_y
+        return Box(x - width / 2, y - height / 2, width, height)
+
+    def size(self, pose: Float64Array) -> tuple[float, float]:
+        """Its width and height (pixels) with the scale and angle of a pose."""
+        return self._placed_at(pose)[2]
+
+    def _placed_at(self, pose: Float64Array) -> tuple[tuple[float, float], ...]:
+        """What `_place` says of a pose: asked for many times between two looks, which alone change it."""
+        _, _, scale, angle = pose.tolist()
         if self._placed_for != (scale, angle):
             self._placed_for = scale, angle
             self._placed = self._place(scale, angle)
-        (right_x, below_x), (right_y, below_y), (width, height) = self._placed
-        x, y = x + right_x - below_x, y + right_y + below_y
-        return Box(x - width / 2, y - height / 2, width, height)
+        return self._placed
 
     def _place(self, scale: float, angle_rad: float) -> tuple[tuple[float, float], ...]:
         """How far the box's middle is from the model's along x and along y, by what it is off to the right and below on
