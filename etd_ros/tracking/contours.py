@@ -172,7 +172,7 @@ class Contours:
     @property
     def motion(self) -> Float64Array:
         """How the target moves, turns and grows: pixels/s, pixels/s, rad/s and 1/s."""
-        return np.array([*self.velocity, self._turning.per_s, self._growing.per_s])
+        return np.array([*self.velocity.tolist(), self._turning.per_s, self._growing.per_s])
 
     @property
     def _maps(self) -> Float32Array:

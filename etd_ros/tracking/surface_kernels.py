@@ -19,7 +19,7 @@ def _any_in_block(levels: npt.NDArray[np.uint8], start: int) -> bool:
     any_level = np.uint8(0)
     for step in range(BLOCK):
         any_level |= levels[np.uintp(start) + np.uintp(step)]
-    return any_level > 0
+    return bool(any_level > 0)
 
 
 @njit(cache=True, nogil=True)
