@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from seeded_scenes import SeededScene, seeds_asked_for, tracked
+from walking_people import boxes_of_stride, person
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation.scoring import SUCCESS_IOU, label_overlaps
@@ -32,8 +33,8 @@ STREAM = 77
 WIDTH, HEIGHT = 240, 180
 WAY_PX, DURATION_MAX_S, STARTS_S, LABEL_S = 130.0, 3.0, 0.05, 0.01
 END_SHARE = 0.2
-SHARP = 4
-"""Limbs are drawn so many times as large as they are."""
+PACES = 0.45, 1.4
+"""How many times their height people walk in a second."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -164,46 +165,12 @@ def ladder(rng: np.random.Generator) -> Parts:
     return _moved((texture, opacity), _course(rng, rng.uniform(0, 2 * math.pi)), turned)
 
 
-def walker(rng: np.random.Generator, *, has_arms: bool = False) -> Parts:
-    """A torso with a head on legs that swing, who walks to the side."""
-    height = float(rng.uniform(40, 80))
-    course = Course(float(rng.choice([0.0, math.pi])), float(rng.uniform(30, 110)))
-    leg, torso, head, stride = 0.48 * height, 0.36 * height, 0.16 * height, 0.9 * height
-    shirt, trousers = rng.choice([0.2, 0.3, 0.7, 0.95], 2)
-    phase, swing = rng.uniform(0, 2 * math.pi), rng.uniform(0.3, 0.5)
-
-    def turn(times_s: Floats) -> Floats:
-        return swing * np.sin(2 * np.pi * course.speed_px_s * times_s / stride + phase)
-
-    def middle(times_s: Floats, down_px: float) -> tuple[Floats, Floats]:
-        x, y = course.at(times_s)
-        return x, y + down_px + 0.015 * height * np.cos(4 * np.pi * course.speed_px_s * times_s / stride + 2 * phase)
-
-    def limb(name: str, length: float, joint_px: float, wide: float, tone: float, sign: float) -> Sprite:
-        def pose(times_s: Floats) -> tuple[Floats, Floats, float, Floats]:
-            x, y = middle(times_s, joint_px)
-            angle = sign * turn(times_s)
-            return x - np.sin(angle) * length / 2, y + np.cos(angle) * length / 2, 1 / SHARP, angle
-
-        shape = round(SHARP * length), round(SHARP * wide)
-        return Sprite(name, np.full(shape, tone), np.ones(shape), Path.of(pose, course.duration_s))
-
-    def still(name: str, high: float, wide: float, down_px: float, tone: float) -> Sprite:
-        shape = round(SHARP * high), round(SHARP * wide)
-        path = Path.of(lambda t: (*middle(t, down_px), 1 / SHARP, 0.0), course.duration_s)
-        return Sprite(name, np.full(shape, tone), np.ones(shape), path)
-
-    hip, shoulder = 0.02 * height, -0.33 * height
-    legs = [limb(f"leg {sign}", leg, hip, 0.11 * height, trousers, sign) for sign in (-1, 1)]
-    trunk = still("torso", torso, 0.2 * height, hip - torso / 2, shirt)
-    top = still("head", head, 0.12 * height, hip - torso - head / 2, 0.8)
-    arm = [limb("arm", 0.33 * height, shoulder, 0.07 * height, 0.6 * shirt, 1.0)] if has_arms else []
-    return course, (*legs, trunk, *arm, top)
-
-
-def walker_with_arms(rng: np.random.Generator) -> Parts:
-    """The same with an arm that swings before the torso."""
-    return walker(rng, has_arms=True)
+def walker(rng: np.random.Generator) -> Parts:
+    """Somebody who walks to the side."""
+    height_px = float(rng.uniform(40, 80))
+    course = Course(float(rng.choice([0.0, math.pi])), height_px * float(rng.uniform(*PACES)))
+    foot_px = (HEIGHT + height_px) / 2
+    return course, person(rng, "thing", height_px, lambda t: course.at(t)[0], foot_px, course.duration_s)
 
 
 KINDS: dict[str, Maker] = {
@@ -214,27 +181,14 @@ KINDS: dict[str, Maker] = {
     "stripes": striped,
     "a ladder": ladder,
     "a walker": walker,
-    "a walker with an arm": walker_with_arms,
 }
 
 
 def true_boxes(scene: Scene, times_s: Floats) -> list[Box]:
-    """Round all parts of the thing (pixels) at times (s); its limbs reach as far from its last part as on average."""
-    last = [scene.box(scene.targets[-1], time_s) for time_s in times_s]
-    if len(scene.targets) == 1:
-        return last
-    reach = np.mean([_reach(scene, time_s) for time_s in np.arange(0, scene.duration_s, LABEL_S)], axis=0)
-    left, top, right, bottom = reach.tolist()
-    middles = (box.center for box in last)
-    return [Box(x + left, y + top, right - left, bottom - top) for x, y in middles]
-
-
-def _reach(scene: Scene, time_s: float) -> Floats:
-    """How far all parts reach from the middle of the last one: left, top, right, bottom (pixels)."""
-    boxes = np.array([scene.box(name, time_s) for name in scene.targets])
-    x, y = scene.box(scene.targets[-1], time_s).center
-    low, high = boxes[:, :2].min(axis=0), (boxes[:, :2] + boxes[:, 2:]).max(axis=0)
-    return np.concatenate([low, high]) - (x, y, x, y)
+    """Round all of the thing (pixels) at times (s); somebody's limbs reach as far as on average."""
+    if len(scene.targets) > 1:
+        return boxes_of_stride(scene, "thing", times_s)
+    return [scene.box("thing", time_s) for time_s in times_s]
 
 
 def overlaps_of(thing: LongEdged) -> tuple[str, list[float]]:

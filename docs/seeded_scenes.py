@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -49,13 +49,18 @@ class SeededScene(ABC):
 
 def tracked(seeded: SeededScene, start: TargetStart) -> list[TrackRow]:
     """What `etd-plus` says of a target of a scene that starts at START_NS, from the target's start on."""
+    return tracked_all(seeded, [start])
+
+
+def tracked_all(seeded: SeededScene, starts: Sequence[TargetStart]) -> list[TrackRow]:
+    """The same of several, frame by frame."""
     guard = StreamGuard()
     events = seeded.events(seeded.scene(), start_ns=START_NS)
     rows = []
-    for step in track((batch for part in events for batch in guard.feed(part)), [start], threads=False):
-        (report,) = step.reports
-        if report.state is not TargetState.IDLE:
-            rows.append(TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value))
+    for step in track((batch for part in events for batch in guard.feed(part)), starts, threads=False):
+        for report in step.reports:
+            if report.state is not TargetState.IDLE:
+                rows.append(TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value))
     return rows
 
 

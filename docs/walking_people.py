@@ -1,25 +1,48 @@
-"""People who walk, seen from the side: a torso and a head, arms and legs that swing and bend."""
+"""People who walk, seen from the side: a torso and a head, arms and legs that swing and bend.
+
+All lists of scenes with people in them take them from here.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite
-from etd_ros.simulation.things import surface_of
+from etd_ros.simulation.textures import BRIGHT, DARK, smooth_noise
+from etd_ros.simulation.things import OVERSAMPLING, shrunk, surface_of
 
 Times = npt.NDArray[np.float64]
 Way = Callable[[Times], Times]
 """Where somebody's middle is (pixels from the left) at times (s)."""
+Pose = tuple[Times, Times, Times]
+"""x, y (pixels) and angle (rad) of a part's middle at times."""
 
-TORSO, HEAD, ARM, THIGH, SHIN = (0.2, 0.36), (0.12, 0.15), (0.07, 0.36), (0.09, 0.26), (0.07, 0.26)
+TORSO, HEAD, NECK = (0.2, 0.36), (0.11, 0.15), (0.055, 0.06)
+UPPER_ARM, FOREARM, HAND = (0.07, 0.19), (0.055, 0.17), (0.05, 0.05)
+THIGH, SHIN, FOOT = (0.1, 0.26), (0.075, 0.26), (0.13, 0.045)
 """Width and length of each, in parts of somebody's height."""
 SHOULDER, HIP = 0.19, 0.49
 """How far below the top of the head they are, in parts of somebody's height."""
+LEG, OVERLAP = 0.5, 0.95
+"""Length of a leg, in parts of somebody's height; how far along a limb the next one hangs, in parts of its length."""
+USUAL_PACE, USUAL_STEPS_HZ = 0.8, 1.9
+"""Heights a second, and steps a second at that. Who walks faster takes longer steps, and more of them."""
+BOB, SWAY_RAD = 0.012, 0.03
+"""How far a body goes up and down, in parts of its height, and how far it leans to and fro."""
+ELBOW_RAD, KNEE_RAD = 0.35, 0.6
+"""By how much an arm is bent, and a leg that comes forward."""
+SHARP = 2
+"""Parts are drawn so many times as large as they are."""
+PLAIN_SHARE = 0.6
+"""Of clothes: they have folds, and no pattern."""
+SAMPLE_S = 0.02
+"""Between times at which a body's mean box is taken."""
 
 
 def person(
@@ -35,67 +58,146 @@ def person(
         foot_px: where the ground is (pixels from the top).
         duration_s: of the scene.
     """
-    # 1.5 steps of .4 heights a second at .6 heights a second; who walks faster takes longer and more steps.
-    pace_px_s = abs(float(way(np.array([duration_s]))[0] - way(np.zeros(1))[0])) / duration_s
-    steps_hz = 1.9 * math.sqrt(max(pace_px_s / height_px, 0.1) / 0.8)
-    swing_rad = rng.uniform(0.35, 0.5)
+    start_px, end_px = way(np.array([0.0, duration_s])).tolist()
+    forward = math.copysign(1.0, end_px - start_px)
+    pace = max(abs(end_px - start_px) / duration_s / height_px, 0.1)
+    steps_hz = USUAL_STEPS_HZ * math.sqrt(pace / USUAL_PACE)
+    # A foot that stands does not slide: a step is as long as the legs are apart.
+    swing_rad = math.asin(min(pace / steps_hz / (2 * LEG), 0.7)) * rng.uniform(0.9, 1.1)
+    arm_swing_rad = swing_rad * rng.uniform(0.6, 1.2)
     phase = rng.uniform(0, 2 * math.pi)
-    forward = 1.0 if way(np.array([duration_s]))[0] > way(np.zeros(1))[0] else -1.0
+    shirt, trousers = _cloth(rng, height_px), _cloth(rng, height_px)
+    skin, shoes = _plain(rng, rng.uniform(0.4, 0.9)), _plain(rng, rng.uniform(0.17, 0.8))
 
     def turn(t: Times) -> Times:
         return math.pi * steps_hz * t + phase
 
-    def bob(t: Times) -> Times:
-        return foot_px + 0.012 * height_px * np.cos(2 * turn(t))
+    def lean(t: Times) -> Times:
+        return forward * 0.04 + SWAY_RAD * np.sin(2 * turn(t))
 
-    def part(what: str, size: tuple[float, float], middle: Callable[[Times], tuple[Times, Times, Times]]) -> Sprite:
-        columns, rows = (max(2, round(side * height_px)) for side in size)
-        texture = surface_of(rng, rows, columns)
-        return Sprite(f"{name} {what}", texture, np.ones_like(texture), Path.of(_posed(middle), duration_s))
+    def hip(t: Times) -> Pose:
+        bob_px = BOB * height_px * np.cos(2 * turn(t))
+        return way(t), foot_px + bob_px - (1 - HIP) * height_px, lean(t)
 
-    def upright(down: float) -> Callable[[Times], tuple[Times, Times, Times]]:
-        return lambda t: (way(t), bob(t) - (1 - down) * height_px, 0 * t)
+    def along(joint: Callable[[Times], Pose], down: float) -> Callable[[Times], Pose]:
+        """What lies so far (heights) down a part from a joint, turned as that part is."""
 
-    def hung(down: float, length: float, angle: Way) -> Callable[[Times], tuple[Times, Times, Times]]:
-        def middle(t: Times) -> tuple[Times, Times, Times]:
-            half_px = length / 2 * height_px
-            top_px = bob(t) - (1 - down) * height_px
-            return way(t) - half_px * np.sin(angle(t)), top_px + half_px * np.cos(angle(t)), angle(t)
+        def place(t: Times) -> Pose:
+            x, y, angle = joint(t)
+            return x - down * height_px * np.sin(angle), y + down * height_px * np.cos(angle), angle
 
-        return middle
+        return place
 
-    def leg(side: float) -> tuple[Sprite, Sprite]:
+    def bent(joint: Callable[[Times], Pose], angle: Way) -> Callable[[Times], Pose]:
+        """The same place, turned by that (rad) instead."""
+        return lambda t: (*joint(t)[:2], angle(t))
+
+    def part(what: str, size: tuple[float, float], cloth: Cloth, middle: Callable[[Times], Pose]) -> Sprite:
+        columns, rows = (max(3, round(SHARP * side * height_px)) for side in size)
+        path = Path.of(_posed(middle), duration_s)
+        return Sprite(f"{name} {what}", cloth(rows, columns), _rounded(rows, columns), path)
+
+    def hung(what: str, size: tuple[float, float], cloth: Cloth, joint: Callable[[Times], Pose]) -> Sprite:
+        return part(what, size, cloth, along(joint, size[1] / 2))
+
+    def leg(side: float) -> tuple[Sprite, ...]:
+        which = "far" if side < 0 else "near"
+
         def thigh(t: Times) -> Times:
             return side * swing_rad * np.sin(turn(t))
 
         def shin(t: Times) -> Times:
-            # A leg that comes forward bends.
-            return thigh(t) + forward * 0.5 * np.clip(-side * forward * np.cos(turn(t)), 0, None)
+            return thigh(t) + forward * KNEE_RAD * np.clip(-side * forward * np.cos(turn(t)), 0, None)
 
-        def knee(t: Times) -> tuple[Times, Times, Times]:
-            thigh_px, half_px = THIGH[1] * 0.95 * height_px, SHIN[1] / 2 * height_px
-            hip_px = bob(t) - (1 - HIP) * height_px
-            across = way(t) - thigh_px * np.sin(thigh(t)) - half_px * np.sin(shin(t))
-            return across, hip_px + thigh_px * np.cos(thigh(t)) + half_px * np.cos(shin(t)), shin(t)
+        at_hip = bent(hip, thigh)
+        knee = bent(along(at_hip, OVERLAP * THIGH[1]), shin)
+        sole = along(knee, SHIN[1] - FOOT[1] / 2)
 
+        def foot(t: Times) -> Pose:
+            x, y, angle = sole(t)
+            return x + forward * 0.03 * height_px, y, 0.5 * angle
+
+        return (
+            part(f"{which} foot", FOOT, shoes, foot),
+            hung(f"{which} shin", SHIN, trousers, knee),
+            hung(f"{which} thigh", THIGH, trousers, at_hip),
+        )
+
+    def arm(side: float) -> tuple[Sprite, ...]:
         which = "far" if side < 0 else "near"
-        return part(f"{which} shin", SHIN, knee), part(f"{which} thigh", THIGH, hung(HIP, THIGH[1], thigh))
 
-    def arm(side: float) -> Sprite:
-        which = "far" if side < 0 else "near"
-        return part(f"{which} arm", ARM, hung(SHOULDER, ARM[1], lambda t: -side * swing_rad * np.sin(turn(t))))
+        def upper(t: Times) -> Times:
+            return -side * arm_swing_rad * np.sin(turn(t))
 
-    torso = part("torso", TORSO, upright(HEAD[1] + TORSO[1] / 2 - 0.01))
-    head = part("head", HEAD, upright(HEAD[1] / 2))
-    return (arm(-1), *leg(-1), *leg(1), torso, head, arm(1))
+        at_shoulder = bent(along(hip, SHOULDER - HIP), upper)
+        elbow = bent(along(at_shoulder, OVERLAP * UPPER_ARM[1]), lambda t: upper(t) - forward * ELBOW_RAD)
+        wrist = along(elbow, OVERLAP * FOREARM[1])
+        return (
+            hung(f"{which} hand", HAND, skin, wrist),
+            hung(f"{which} forearm", FOREARM, shirt, elbow),
+            hung(f"{which} arm", UPPER_ARM, shirt, at_shoulder),
+        )
+
+    top = -HIP
+    torso = part("torso", TORSO, shirt, along(hip, top + HEAD[1] + TORSO[1] / 2 - 0.01))
+    neck = part("neck", NECK, skin, along(hip, top + HEAD[1]))
+    head = part("head", HEAD, _hair_over(skin, _plain(rng, rng.uniform(0.15, 0.6))), along(hip, top + HEAD[1] / 2))
+    return (*arm(-1), *leg(-1), *leg(1), neck, torso, head, *arm(1))
 
 
-def _posed(
-    middle: Callable[[Times], tuple[Times, Times, Times]],
-) -> Callable[[Times], tuple[Times, Times, float, Times]]:
+Cloth = Callable[[int, int], npt.NDArray[np.float64]]
+"""Makes a texture of so many rows and columns."""
+
+
+def _plain(rng: np.random.Generator, tone: float, folds: float = 0.1) -> Cloth:
+    """One tone, with folds of such a contrast."""
+
+    def cloth(rows: int, columns: int) -> npt.NDArray[np.float64]:
+        shade = smooth_noise(rng, rows, columns, grain=max(1.0, columns / 6)) - 0.5
+        return np.asarray(np.clip(tone * (1 + folds * shade), DARK, BRIGHT), np.float64)
+
+    return cloth
+
+
+def _cloth(rng: np.random.Generator, height_px: float) -> Cloth:
+    """Plain, or cut from a pattern."""
+    if rng.uniform() < PLAIN_SHARE:
+        return _plain(rng, rng.choice([0.2, 0.3, 0.5, 0.7, 0.95]), rng.uniform(0.05, 0.3))
+    side = round(SHARP * height_px * TORSO[1])
+    pattern = surface_of(rng, side, side)
+
+    def cloth(rows: int, columns: int) -> npt.NDArray[np.float64]:
+        down, right = (int(rng.integers(max(1, side - extent + 1))) for extent in (rows, columns))
+        return np.asarray(np.resize(pattern[down:, right : right + columns], (rows, columns)), np.float64)
+
+    return cloth
+
+
+def _hair_over(skin: Cloth, hair: Cloth) -> Cloth:
+    def cloth(rows: int, columns: int) -> npt.NDArray[np.float64]:
+        above = np.arange(rows)[:, None] < 0.35 * rows
+        return np.where(above, hair(rows, columns), skin(rows, columns))
+
+    return cloth
+
+
+def _rounded(rows: int, columns: int) -> npt.NDArray[np.float64]:
+    """The opacity of a part: its shorter sides are round, its edges smooth."""
+    high, wide = rows * OVERSAMPLING, columns * OVERSAMPLING
+    inside: npt.NDArray[np.float64] = np.zeros((high, wide))
+    radius = min(high, wide) // 2
+    if high >= wide:
+        ends = (wide // 2, radius), (wide // 2, high - 1 - radius)
+    else:
+        ends = (radius, high // 2), (wide - 1 - radius, high // 2)
+    cv2.line(inside, *ends, 1.0, thickness=2 * radius)
+    return shrunk(inside)
+
+
+def _posed(middle: Callable[[Times], Pose]) -> Callable[[Times], tuple[Times, Times, float, Times]]:
     def pose(t: Times) -> tuple[Times, Times, float, Times]:
         x, y, angle = middle(t)
-        return x, y, 1.0, angle
+        return x, y, 1 / SHARP, angle
 
     return pose
 
@@ -106,6 +208,22 @@ def box_of_all(scene: Scene, name: str, time_s: float) -> Box:
     left, top = min(box.x for box in boxes), min(box.y for box in boxes)
     right, bottom = max(box.x + box.w for box in boxes), max(box.y + box.h for box in boxes)
     return Box(left, top, right - left, bottom - top)
+
+
+def boxes_of_stride(scene: Scene, name: str, times_s: Times) -> list[Box]:
+    """Boxes (pixels) of somebody at times (s), whose limbs reach as far from their torso as on average: what somebody
+    who draws a box for all of a walk would draw."""
+    of = f"{name} torso"
+    reach = np.mean([_reach(scene, name, of, time_s) for time_s in np.arange(0, scene.duration_s, SAMPLE_S)], axis=0)
+    left, top, right, bottom = reach.tolist()
+    middles = (scene.box(of, time_s).center for time_s in times_s.tolist())
+    return [Box(x + left, y + top, right - left, bottom - top) for x, y in middles]
+
+
+def _reach(scene: Scene, name: str, of: str, time_s: float) -> npt.NDArray[np.float64]:
+    """How far all parts reach from the middle of one: left, top, right, bottom (pixels)."""
+    box, (x, y) = box_of_all(scene, name, time_s), scene.box(of, time_s).center
+    return np.array([box.x - x, box.y - y, box.x + box.w - x, box.y + box.h - y])
 
 
 def names_of_all(scene: Scene) -> list[str]:

@@ -40,8 +40,9 @@ OUTLINE_GAIN, OUTLINE_TRUST_MIN = 0.3, 0.5
 VELOCITY_PX = 2.0
 VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
-BIAS_PX = 4.0
-"""The direction so far counts like this much motion when the polarity of a place is predicted."""
+BIAS_PX = 400.0
+"""The direction so far counts like this much motion when the polarity of a place is predicted: a look's own way there
+hardly does, or a place farther along the upright edges of somebody who walks would predict what makes it better."""
 NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
 MOTION_MIN = 0.15
