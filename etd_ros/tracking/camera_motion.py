@@ -1,20 +1,22 @@
 """Moving objects before a moving camera: the camera's motion is found, and what moves otherwise stands out.
 
-The sensor is cut into tiles. For each velocity of a grid a tile's events are moved on by their ages, and the chance
-that two of them fall on the same pixel says how well it fits (contrast maximisation, Gallego et al. 2018). One motion
-(shift, zoom and roll) that fits most tiles is the camera's. Where tiles side by side fit it badly, the velocity that
-fits them best is an object's, and each event near by tells which of the two motions makes it fall on others.
+The flow of edges (`camera_flow.py`) tells where the motion is much the same for some tenths of a second. Elsewhere, as
+before a camera that is shaken, motions are tried out. The sensor is cut into tiles. For each velocity of a grid a
+tile's events are moved on by their ages, and the chance that two of them fall on the same pixel says how well it fits
+(contrast maximisation, Gallego et al. 2018). One motion (shift, zoom and roll) that fits most tiles is the camera's.
+Where tiles side by side fit it badly, the velocity that fits them best is an object's, and each event near by tells
+which of the two motions makes it fall on others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from etd_ros.tracking.camera_flow import CameraFlow, Motion
 from etd_ros.tracking.clusters import Sighting, box_round
 from etd_ros.tracking.discovery_kernels import (
     Float32Array,
@@ -65,20 +67,6 @@ EVENTS_MIN = 25
 TRIM = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """How the picture moves: by (x, y) pixels/s in the middle of the sensor, and zoom and roll (1/s) about it."""
-
-    x: float = 0.0
-    y: float = 0.0
-    zoom: float = 0.0
-    roll: float = 0.0
-
-    def at(self, x: Float64Array, y: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """The velocity (pixels/s) at places (pixels from the middle)."""
-        return self.x + self.zoom * x - self.roll * y, self.y + self.zoom * y + self.roll * x
-
-
 class CameraMotion:
     """Finds out whether the camera moves, and what moves otherwise.
 
@@ -93,6 +81,7 @@ class CameraMotion:
     def __init__(self, events: RecentEvents) -> None:
         self.window_s = WINDOW_MIN_S
         self.motion: Motion | None = None
+        self._flow = CameraFlow(events)
         self._width, self._height = events.width, events.height
         self._columns, self._rows = -(-events.width // TILE_PX), -(-events.height // TILE_PX)
         tiles = self._columns * self._rows
@@ -109,12 +98,15 @@ class CameraMotion:
         Args:
             points: the events of `window_s`, from `RecentEvents.points`.
         """
+        found = self._flow.look()
+        self.motion = self._flow.motion
+        if self.motion is not None:
+            return found
         self._step_px_s = STEP_PX / self.window_s
         deal_to_tiles(points, len(points), TILE_PX, self._columns, self._kept, self._seen)
         score_tiles(self._kept, self._seen, TILE_EVENTS_MIN, TILE_PX, STEP_PX, self.window_s, self._scores)
         self._scores /= np.maximum(self._scores.max(axis=(1, 2), keepdims=True), 1e-6)
         tiles = np.flatnonzero(self._seen >= TILE_EVENTS_MIN)
-        self.motion = None
         if len(tiles) < TILES_MIN:
             self.window_s = WINDOW_MIN_S
             return []
