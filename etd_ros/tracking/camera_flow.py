@@ -38,10 +38,8 @@ SPEED_MAX_PX_S = 1500.0
 """What comes along faster is noise, or light that changes."""
 STRAY_PX_S, STRAY_SHARE = 15.0, 0.5
 """An edge goes with a motion whose speed across it is the edge's to this, and this share of it."""
-CAMERA_SHARE = 0.5
-SECTORS, SECTOR_FLOWS_MIN, SECTORS_SHARE = (6, 4), 5, 0.6
-"""The motion is the camera's if so many of the edges go with it, and so many edges in this share of the columns and
-rows of sectors: two cars that pass before a still camera may go with one motion, too."""
+CAMERA_SHARE, CAMERA_EXTENT = 0.5, 0.4
+"""The motion is the camera's if so many of the edges go with it, and if they extend over so much of the sensor."""
 CELL_PX, BLOCK_CELLS = 8, 3
 """Edges are counted in cells, each together with those round it: blocks of so many cells' side."""
 BLOCK_FLOWS_MAX = 12
@@ -118,10 +116,9 @@ class CameraFlow:
         going = flows[go_with(flows, motion)]
         if len(going) < CAMERA_SHARE * len(flows):
             return None
-        size = (self._events.width, self._events.height)
-        columns, rows = (self._pixels(going) * SECTORS // size).T
-        counts = np.bincount(rows * SECTORS[0] + columns, minlength=SECTORS[0] * SECTORS[1])
-        return motion if (counts >= SECTOR_FLOWS_MIN).mean() >= SECTORS_SHARE else None
+        low, high = np.quantile(going[:, [RIGHT, BELOW]], (0.05, 0.95), axis=0)
+        sides = (high - low + BLOCK_CELLS * CELL_PX) / (self._events.width, self._events.height)
+        return motion if sides.prod() >= CAMERA_EXTENT else None
 
     def _evenly(self, flows: Float64Array) -> Float64Array:
         """The flows without those that are more than BLOCK_FLOWS_MAX of a block's."""
