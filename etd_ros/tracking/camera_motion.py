@@ -1,20 +1,23 @@
 """Moving objects before a moving camera: the camera's motion is found, and what moves otherwise stands out.
 
-The sensor is cut into tiles. For each velocity of a grid a tile's events are moved on by their ages, and the chance
-that two of them fall on the same pixel says how well it fits (contrast maximisation, Gallego et al. 2018). One motion
-(shift, zoom and roll) that fits most tiles is the camera's. Where tiles side by side fit it badly, the velocity that
-fits them best is an object's, and each event near by tells which of the two motions makes it fall on others.
+Motions are tried out; once the camera was found to move, the flow of edges (`camera_flow.py`) tells how, where its
+motion is much the same for some tenths of a second. To try them out, the sensor is cut into tiles. For each velocity of
+a grid a tile's events are moved on by their ages, and the chance that two of them fall on the same pixel says how well
+it fits (contrast maximisation, Gallego et al. 2018). One motion (shift, zoom and roll) that fits most tiles is the
+camera's.
+Where tiles side by side fit it badly, the velocity that fits them best is an object's, and each event near by tells
+which of the two motions makes it fall on others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from etd_ros.tracking.camera_flow import CameraFlow, Motion
 from etd_ros.tracking.clusters import Sighting, box_round
 from etd_ros.tracking.discovery_kernels import (
     Float32Array,
@@ -27,7 +30,7 @@ from etd_ros.tracking.discovery_kernels import (
     refined_velocity,
     score_tiles,
 )
-from etd_ros.tracking.recent_events import RecentEvents
+from etd_ros.tracking.recent_events import NEVER_NS, RecentEvents
 
 TILE_PX = 24
 TILE_EVENTS_MIN, TILE_EVENTS_MAX = 20, 48
@@ -63,20 +66,9 @@ EVIDENCE_PER_PX_MIN = 0.3
 """Least evidence per pixel of the box's outline."""
 EVENTS_MIN = 25
 TRIM = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """How the picture moves: by (x, y) pixels/s in the middle of the sensor, and zoom and roll (1/s) about it."""
-
-    x: float = 0.0
-    y: float = 0.0
-    zoom: float = 0.0
-    roll: float = 0.0
-
-    def at(self, x: Float64Array, y: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """The velocity (pixels/s) at places (pixels from the middle)."""
-        return self.x + self.zoom * x - self.roll * y, self.y + self.zoom * y + self.roll * x
+MOVED_LATELY_NS = 1_000_000_000
+"""The flow of edges is believed for so long after the camera was found to move, by either way: two cars that pass
+before a still one may go with one motion."""
 
 
 class CameraMotion:
@@ -93,6 +85,9 @@ class CameraMotion:
     def __init__(self, events: RecentEvents) -> None:
         self.window_s = WINDOW_MIN_S
         self.motion: Motion | None = None
+        self._flow = CameraFlow(events)
+        self._moved_ns = NEVER_NS
+        self._events = events
         self._width, self._height = events.width, events.height
         self._columns, self._rows = -(-events.width // TILE_PX), -(-events.height // TILE_PX)
         tiles = self._columns * self._rows
@@ -109,12 +104,24 @@ class CameraMotion:
         Args:
             points: the events of `window_s`, from `RecentEvents.points`.
         """
+        found: list[Sighting] = []
+        self.motion = None
+        if 0 <= self._events.stamp_ns - self._moved_ns <= MOVED_LATELY_NS:
+            found = self._flow.look()
+            self.motion = self._flow.motion
+        if self.motion is None:
+            found = self._look_at_tiles(points)
+        if self.motion is not None:
+            self._moved_ns = self._events.stamp_ns
+        return found
+
+    def _look_at_tiles(self, points: Float32Array) -> list[Sighting]:
+        """The same by trying out motions."""
         self._step_px_s = STEP_PX / self.window_s
         deal_to_tiles(points, len(points), TILE_PX, self._columns, self._kept, self._seen)
         score_tiles(self._kept, self._seen, TILE_EVENTS_MIN, TILE_PX, STEP_PX, self.window_s, self._scores)
         self._scores /= np.maximum(self._scores.max(axis=(1, 2), keepdims=True), 1e-6)
         tiles = np.flatnonzero(self._seen >= TILE_EVENTS_MIN)
-        self.motion = None
         if len(tiles) < TILES_MIN:
             self.window_s = WINDOW_MIN_S
             return []

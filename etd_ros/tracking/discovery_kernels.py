@@ -20,8 +20,10 @@ X, Y, AGE = range(3)
 
 
 @njit(cache=True, nogil=True)
-def enter(times: Int64Array, levels: npt.NDArray[np.uint16], start_ns: int, duration_ns: int) -> None:
-    """Enter a frame's event times, from its grey levels, into the last times of the pixels; both of shape (pixels,).
+def enter(times: Int64Array, of_each: Int64Array, levels: npt.NDArray[np.uint16], start_ns: int,
+          duration_ns: int) -> None:  # fmt: skip
+    """Enter a frame's event times, from its grey levels, into the last times of the pixels, shape (pixels,), and of
+    each polarity, shape (pixels, 2).
 
     A pixel's two levels are one number, so that most pixels, which have no event, take one comparison.
     """
@@ -29,7 +31,12 @@ def enter(times: Int64Array, levels: npt.NDArray[np.uint16], start_ns: int, dura
     for pixel in range(len(levels)):
         both = levels[pixel]
         if both:
-            times[pixel] = start_ns + np.int64(max(both & 0xFF, both >> 8) * share)
+            first, second = both & 0xFF, both >> 8
+            times[pixel] = start_ns + np.int64(max(first, second) * share)
+            if first:
+                of_each[pixel, 0] = start_ns + np.int64(first * share)
+            if second:
+                of_each[pixel, 1] = start_ns + np.int64(second * share)
 
 
 @njit(cache=True, nogil=True)

@@ -23,6 +23,7 @@ class RecentEvents:
     Attributes:
         width, height: sensor size (pixels).
         stamp_ns: the end of the newest frame (ns).
+        times_of_each: when each pixel had its last event of each polarity (ns), int64, shape (height, width, 2).
         counts: points in each cell of CELL_PX pixels' side at the last call of `points`, int32, shape (rows, columns).
     """
 
@@ -30,6 +31,7 @@ class RecentEvents:
         self.width, self.height = width, height
         self.stamp_ns = NEVER_NS
         self.counts: Int32Array = np.zeros((-(-height // CELL_PX), -(-width // CELL_PX)), np.int32)
+        self.times_of_each = np.full((height, width, 2), NEVER_NS, np.int64)
         self._times = np.full((height, width), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 3), np.float32)
 
@@ -42,12 +44,14 @@ class RecentEvents:
             self.forget()
         start_ns = max(self.stamp_ns, stamp_ns - FRAME_MAX_NS)
         levels = np.ascontiguousarray(data).view(np.uint16).ravel()
-        enter(self._times.ravel(), levels, start_ns, stamp_ns - start_ns)
+        of_each = self.times_of_each.reshape(-1, 2)
+        enter(self._times.ravel(), of_each, levels, start_ns, stamp_ns - start_ns)
         self.stamp_ns = stamp_ns
 
     def forget(self) -> None:
         """Start a new stream."""
         self._times.fill(NEVER_NS)
+        self.times_of_each.fill(NEVER_NS)
         self.stamp_ns = NEVER_NS
 
     def points(self, window_s: float) -> Float32Array:

@@ -33,9 +33,11 @@ def test_a_frame_gives_each_pixel_the_time_of_its_newest_event(seed):
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 256, (7, 9, 2)) * (rng.random((7, 9, 2)) < 0.4)).astype(np.uint8)
     times = np.full((7, 9), -1, np.int64)
-    enter(times.ravel(), data.view(np.uint16).ravel(), 1000, 2550)
+    of_each = np.full((7, 9, 2), -1, np.int64)
+    enter(times.ravel(), of_each.reshape(-1, 2), data.view(np.uint16).ravel(), 1000, 2550)
     levels = data.max(axis=2).astype(np.int64)
     assert np.array_equal(times, np.where(levels > 0, 1000 + 10 * levels, -1))
+    assert np.array_equal(of_each, np.where(data > 0, 1000 + 10 * data.astype(np.int64), -1))
     assert count_recent(times, 2000) == (times > 2000).sum()
 
 
