@@ -28,7 +28,10 @@ class ContourConfig(Parameters):
         0.4, "share of a measured change of scale that is taken on; 0 keeps the size", low=0.0, high=1.0
     )
     angle_gain: float = parameter(
-        0.3, "share of a measured turn that is taken on; 0 keeps the model upright", low=0.0, high=1.0
+        0.3,
+        "share of a measured turn that is taken on; 0 keeps the model upright (for people who walk)",
+        low=0.0,
+        high=1.0,
     )
     refine_gain: float = parameter(
         0.25,
