@@ -1,0 +1,40 @@
+"""The surface's kernels against what they say they do, in NumPy."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from etd_ros.tracking.surface_kernels import gather, keep_times
+
+
+@settings(deadline=None)
+@given(
+    *(arrays.arrays(np.uint8, (6, 70, 2)), st.integers(0, 6), st.integers(0, 6), st.integers(0, 70)),
+    st.integers(0, 70),
+)
+def test_levels_become_times_in_the_window_and_nowhere_else(data, top, bottom, left, right):
+    times = np.full((6, 70, 2), -1, np.int64)
+    count = keep_times(times.reshape(6, -1), data.reshape(6, -1), 1000, 255_000, top, bottom, left, right)
+    expected = np.full_like(times, -1)
+    inside = np.zeros_like(data, bool)
+    inside[top:bottom, left:right] = True
+    fired = inside & (data > 0)
+    expected[fired] = 1000 + data[fired].astype(np.int64) * 1000
+    np.testing.assert_array_equal(times, expected)
+    assert count == np.count_nonzero(fired)
+
+
+def test_points_are_the_events_young_enough_with_their_ages_and_polarities():
+    times = np.full((4, 5, 2), -1, np.int64)
+    times[1, 2, 0], times[3, 4, 1], times[0, 0, 0] = 900, 1000, 100
+    points = np.zeros((8, 4), np.float32)
+    assert gather(times, 1000, 500, 0, 4, 0, 5, points) == 2
+    np.testing.assert_allclose(points[:2], [[2.5, 1.5, 1e-7, 1.0], [4.5, 3.5, 0.0, -1.0]])
+
+
+def test_more_points_than_there_is_room_for_are_left_out():
+    times = np.full((4, 5, 2), 1000, np.int64)
+    points = np.zeros((8, 4), np.float32)
+    assert gather(times, 1000, 500, 0, 4, 0, 5, points[:7]) == 7
+    np.testing.assert_array_equal(points[7], 0)
