@@ -12,7 +12,16 @@ from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch, not_following
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers
-from etd_ros.conversion.kernels import EMPTY_STATE, NEW_BATCH, STATE_DTYPE, advance, finish
+from etd_ros.conversion.kernels import (
+    EMPTY_STATE,
+    NOT_FOLLOWING,
+    NOT_PLAIN,
+    PLAIN_ADDRESSES,
+    STATE_DTYPE,
+    advance,
+    advance_plain,
+    finish,
+)
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
 
@@ -91,26 +100,26 @@ class FrameAccumulator:
                 a kernel: many messages are so small that calls take longer than their events.
 
         Returns:
-            What the kernel does: the first event not added, and the NZGE and number of events of the frame, if one has
-            ended by NZGE, or zeros.
+            What the kernel does: the first event not added, the NZGE of the frame that has ended by it, or 0, and the
+            number of events of that frame, or of the unfinished one.
 
         Raises:
             ConversionError: as `accept` does.
         """
-        t = events.t
-        if first == NEW_BATCH:
-            if events.width != self.width or events.height != self.height:
-                raise not_of_sensor(events, self.width, self.height)
-            if len(t) == 0:
+        if events.width != self.width or events.height != self.height:
+            raise not_of_sensor(events, self.width, self.height)
+        if not self._has_begun:
+            if len(events.t) == 0:
                 return 0, 0.0, 0
-            if not self._has_begun:
-                self.start_ns = t.item(0)
-        step = advance(
-            self.store, self.state, t, events.x, events.y, events.p, first, self.start_ns, self._buffers.memory
-        )
-        if step[0] < 0:
+            self.start_ns = events.t.item(0)
+        memory = (self._buffers.unfinished or self._buffers.next_one()).memory
+        t, x, y, p = events.t, events.x, events.y, events.p
+        step = advance_plain.call(self.store, self.state, t, x, y, p, first, self.start_ns, memory, PLAIN_ADDRESSES)
+        if step[0] == NOT_PLAIN:
+            step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
+        if step[0] == NOT_FOLLOWING:
             raise not_following(events, self._previous_ns)
-        self._has_begun |= first == NEW_BATCH
+        self._has_begun = True
         return step
 
     def count_in(self, boxes: Sequence[Box] | None) -> None:
@@ -130,7 +139,7 @@ class FrameAccumulator:
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
-        nzge, events = finish(self.store, self.state, stamp_ns - self.start_ns, self._buffers.memory)
+        nzge, events = finish.call(self.store, self.state, stamp_ns - self.start_ns, self._buffers.memory)
         return self.hand_out(stamp_ns, end, nzge, events)
 
     def hand_out(self, stamp_ns: int, end: FrameEnd, nzge: float, events: int) -> Frame:
@@ -139,8 +148,9 @@ class FrameAccumulator:
         self.start_ns = stamp_ns
         return frame
 
-    def skip_to(self, event_ns: int, max_duration_ns: int) -> Frame | None:
-        """End the frame at its longest duration because an event at event_ns, later than that, has come.
+    def skip_to(self, event_ns: int, max_duration_ns: int, events: int) -> Frame | None:
+        """End the frame, of so many events, at its longest duration because an event at event_ns, later than that, has
+        come.
 
         The next frame starts there, or at event_ns if it would be over before that event as well.
 
@@ -148,13 +158,13 @@ class FrameAccumulator:
             The frame, or None if it holds no events.
         """
         limit_ns = self.start_ns + max_duration_ns
-        frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT) if self.events else None
+        frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT) if events else None
         self.start_ns = event_ns if event_ns > limit_ns + max_duration_ns else limit_ns
         return frame
 
     def reset(self) -> None:
         """Forget the unfinished frame and the stream."""
-        finish(self.store, self.state, 0, self._buffers.memory)
+        finish.call(self.store, self.state, 0, self._buffers.memory)
         self._buffers.clear()
         self.state["previous_ns"] = BEFORE_ALL_NS
         self._has_begun = False

@@ -160,8 +160,8 @@ class AtsltdConverter(AccumulatingConverter):
         if self._regions is not None or self._next_durations_ns is not None:
             self._begin_frame()
         step = self._accumulator.advance(events, NEW_BATCH)
-        i, _, frame_events = step
-        return self._frames(events, step) if frame_events or i < len(events.t) else _NO_FRAMES
+        i, reached_nzge, _ = step
+        return self._frames(events, step) if reached_nzge > 0 or i < len(events.t) else _NO_FRAMES
 
     def _begin_frame(self) -> None:
         """Take on what has been asked for the next frame, if one begins."""
@@ -183,14 +183,14 @@ class AtsltdConverter(AccumulatingConverter):
         accumulator = self._accumulator
         _, beta = self.config.nzge_interval
         frame: Frame | None
-        number = len(events)
+        number = len(events.t)
         while True:
             i, reached_nzge, frame_events = step
             if reached_nzge > 0:
                 frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, reached_nzge, frame_events)
                 self.overshoots += frame.nzge > beta
             elif i < number:
-                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)
+                frame = accumulator.skip_to(events.t.item(i), self._max_duration_ns, frame_events)
             else:
                 return
             if frame is not None:

@@ -103,6 +103,7 @@ def source_digest() -> str:
         "tiles.py",
         "vectors.py",
         "../borrowing_kernel.py",
+        "../direct_kernel.py",
     )
     sources = (Path(__file__).parent / name for name in names)
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:8]

@@ -104,7 +104,7 @@ class FixedCountConverter(AccumulatingConverter):
             stop = min(len(events), i + self.config.count - accumulator.events)
             i = accumulator.add(events, i, stop, accumulator.start_ns + self._max_duration_ns)
             if i < stop:
-                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns)
+                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns, accumulator.events)
             elif accumulator.events == self.config.count:
                 frame = accumulator.finish(int(events.t[i - 1]), FrameEnd.COUNT)
             else:

@@ -69,29 +69,33 @@ class FrameBuffers:
         """Prepare for frames of width x height pixels whose tiles make so many groups of 64."""
         self._shape = height, width, 2
         self._groups = groups
-        self._buffers = [_Buffer(self._shape, self._groups)]
+        self.unfinished: _Buffer | None = _Buffer(self._shape, self._groups)
+        """What the unfinished frame is written to; None after a frame has been handed out, until `next_one`."""
+        self._buffers = [self.unfinished]
         self._turn = 0
-        self._is_handed_out = False
 
     @property
     def memory(self) -> FrameData:
-        """The array that the unfinished frame is written to, uint8, flat; for the kernels.
+        """The array that the unfinished frame is written to, uint8, flat."""
+        return (self.unfinished or self.next_one()).memory
 
-        Another one is looked for only now, as a reader that takes one frame after the other still holds the last one
-        when it is handed the next: so two are enough for it, and stay in the processor's near memory.
+    def next_one(self) -> _Buffer:
+        """The buffer of the next frame, after one has been handed out.
+
+        It is looked for only when it is needed, as a reader that takes one frame after the other still holds the last
+        one when it is handed the next: so two are enough for it, and stay in the processor's near memory.
         """
-        if self._is_handed_out:
-            self._is_handed_out = False
-            buffers = self._buffers
-            self._turn = (self._turn + 1) % len(buffers)
-            if not buffers[self._turn].is_free:
-                have_all = len(buffers) == BUFFERS_MAX
-                buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
-        return self._buffers[self._turn].memory
+        buffers = self._buffers
+        self._turn = (self._turn + 1) % len(buffers)
+        if not buffers[self._turn].is_free:
+            have_all = len(buffers) == BUFFERS_MAX
+            buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
+        self.unfinished = buffers[self._turn]
+        return self.unfinished
 
     def hand_out(self) -> FrameData:
         """The data of the frame that has been written, read-only, shape (height, width, 2)."""
-        self._is_handed_out = True
+        self.unfinished = None
         return self._buffers[self._turn].data
 
     def clear(self) -> None:

@@ -8,12 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from numba import from_dtype, types
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.adding import add_events
 from etd_ros.conversion.batches import BEFORE_ALL_NS, follows
 from etd_ros.conversion.cell_map import DURATION_MAX_NS, CellMap, CellStore, borrowed_cells, source_digest
 from etd_ros.conversion.readout import read_levels
+from etd_ros.direct_kernel import (
+    Addresses,
+    DirectKernel,
+    addresses_of,
+    is_plain,
+    python_object,
+    take_int64,
+    take_uint8,
+    take_uint16,
+)
 
 CHECKS_AT_STRIDE = 8
 """Exact checks of a frame at `check_stride` before the distance begins to double."""
@@ -42,6 +53,9 @@ NO_CHECKS = 2**62
 
 NEW_BATCH = -1
 """Instead of a batch's first event: it has not been verified yet."""
+
+NOT_FOLLOWING, NOT_PLAIN = -1, -2
+"""Instead of the first event not added: none of the batch can be; the arrays are none that `advance_plain` takes."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
@@ -99,7 +113,7 @@ def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
 
 
 @borrowing_kernel
-def finish(
+def _finish(
     store: CellStore, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
     """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
@@ -173,13 +187,51 @@ def advance(
     that a call of its own for it would cost as much as their events.
 
     Returns:
-        The index of the first event not added, -1 for a batch of which none can be; the NZGE that reached alpha and the
-        number of the frame's events (the frame is in data then, and the next one has begun), or 0 and 0.
+        The index of the first event not added, NOT_FOLLOWING for a batch of which none can be; the NZGE that reached
+        alpha (the frame is in data then, and the next one has begun), or 0; the number of events of that frame, or of
+        the unfinished one.
     """
+    return _advance(store, state, t, x, y, p, first, start_ns, data)
+
+
+@borrowing_kernel
+def _advance_if_plain(
+    store: CellStore,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    start_ns: int,
+    data: npt.NDArray[np.uint8],
+    addresses: Addresses,
+) -> tuple[int, float, int]:
+    are_plain = is_plain(t, addresses, 1) and is_plain(p, addresses, 3)
+    if not (are_plain and is_plain(x, addresses, 2) and is_plain(y, addresses, 2)):
+        return NOT_PLAIN, 0.0, 0
+    columns, rows = take_uint16(x), take_uint16(y)
+    return _advance(store, state, take_int64(t), columns, rows, take_uint8(p), first, start_ns, data)
+
+
+@kernel_part
+def _advance(
+    store: CellStore,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    start_ns: int,
+    data: npt.NDArray[np.uint8],
+) -> tuple[int, float, int]:
     cells = borrowed_cells(store)
     if first == NEW_BATCH:
         if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), state[0].previous_ns):
-            return -1, 0.0, 0
+            return NOT_FOLLOWING, 0.0, 0
+        if len(t) == 0:
+            return 0, 0.0, state[0].events
         state[0].previous_ns = t[-1]
         first = 0
     alpha, check_stride = state[0].alpha, state[0].check_stride
@@ -192,8 +244,9 @@ def advance(
         part = min(stop, i + state[0].next - state[0].events)
         block = add_events(cells, state, t, x, y, p, i, part, start_ns, block)
         i = part
-        if state[0].events < state[0].next:
-            return i, 0.0, 0
+        events = state[0].events
+        if events < state[0].next:
+            return i, 0.0, events
         strides = 1
         duration_ns = t[i - 1] - start_ns
         if t[i - 1] < earliest_ns:
@@ -204,7 +257,6 @@ def advance(
         if strides == 0:
             nzge = _read_out(cells, state, duration_ns, False, data)
             if nzge >= alpha:
-                events = state[0].events
                 _clear(cells, state)
                 return i, nzge, events
             strides = _fail(state, check_stride)
@@ -253,3 +305,18 @@ def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     state[0].failed += 1
     doubled = 1 << min(max(int(state[0].failed) - CHECKS_AT_STRIDE, 0), 30)
     return max(1, min(doubled, int(state[0].events) // (GROWTH_MAX * check_stride)))
+
+
+_INT64, _UINT8 = (types.Array(dtype, 1, "C") for dtype in (types.int64, types.uint8))
+_STATE = types.Array(from_dtype(STATE_DTYPE), 1, "C")
+
+PLAIN_ADDRESSES = addresses_of(np.int64, np.uint16, np.uint8)
+"""`advance_plain`'s last argument."""
+
+advance_plain = DirectKernel(
+    _advance_if_plain, (_INT64, _STATE, *[python_object] * 4, types.int64, types.int64, _UINT8, _INT64)
+)
+"""`advance` for arrays as decoders make them, in less time; NOT_PLAIN for others."""
+
+finish = DirectKernel(_finish, (_INT64, _STATE, types.int64, _UINT8))
+"""`_finish`."""

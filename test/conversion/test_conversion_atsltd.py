@@ -356,6 +356,21 @@ def test_events_need_not_lie_one_after_the_other():
     assert_same_frames(frames_of(AtsltdConverter(20, 20), [events]), frames)
 
 
+def unlike_decoders(array, kind):
+    if kind == "bytes before":
+        return np.frombuffer(b"-" + array.tobytes(), np.uint8)[1:].view(array.dtype)
+    return array.view({"u": f"i{array.itemsize}"}.get(array.dtype.kind, array.dtype))
+
+
+@pytest.mark.parametrize("kind", ["bytes before", "signed"])
+def test_arrays_need_not_be_as_decoders_make_them(kind):
+    events = random_events(9, 4000, 20, 20, 10 * MS)
+    frames = frames_of(AtsltdConverter(20, 20), [events[:1900], events[1900:]])
+    assert len(frames) > 1
+    other = Events(*(unlike_decoders(array, kind) for array in (events.t, events.x, events.y, events.p)), 20, 20)
+    assert_same_frames(frames_of(AtsltdConverter(20, 20), [other[:1900], events[1900:]]), frames)
+
+
 def test_overshoots_are_counted():
     converter = AtsltdConverter(16, 16, AtsltdConfig(nzge_interval=(0.05, 0.0501), check_stride=100))
     frames = frames_of(converter, [random_events(7, 2000, 16, 16, 10 * MS)])
