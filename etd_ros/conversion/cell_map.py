@@ -101,6 +101,7 @@ def source_digest() -> str:
         "readout.py",
         "slots.py",
         "tiles.py",
+        "twins.py",
         "vectors.py",
         "../borrowing_kernel.py",
         "../direct_kernel.py",

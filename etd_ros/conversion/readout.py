@@ -10,6 +10,7 @@ from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
 from etd_ros.conversion.frame_buffers import written_from
 from etd_ros.conversion.tiles import clear_row, slots_of_level, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
 
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
@@ -41,6 +42,8 @@ def read_levels(
     slope, offset = (255.0 / duration_ns, HALF_UP) if duration_ns > 0 else (0.0, 255.0)
     row_bytes = _U64(2 * len(cells.column_slot))
     pairs_max = FEW_TWINS if cells.tile_shift == 0 else -1
+    # Fewer than the pixels of a channel: these cells have entropy.
+    few_events = min(FEW_EVENTS, len(cells.loss) - 2)
     cells.seen[:] = 0
     if not of_sample:
         _clear_old_tiles(cells, data, row_bytes)
@@ -67,6 +70,8 @@ def read_levels(
                 without_entropy += without
             elif twins <= pairs_max:
                 pairs += twins & -np.int64(is_counted[tile])
+            elif pairs_max == FEW_TWINS and count_bits(words[tile]) <= few_events:
+                lost += _lost_by_pairs(cells, tile)
             else:
                 loss, without = _lost_by_twins(cells, tile)
                 lost += loss
@@ -131,6 +136,19 @@ def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
                 full |= OFF if place >= _U64(16) else ON
         word = _U32(word & _U32(word - _U32(1)))
     return lost, _is_without_entropy(cells, cell, full)
+
+
+@kernel_part
+def _lost_by_pairs(cells: CellMap, cell: np.uint64) -> float:
+    """What the entropies of a cell of one tile and few events lose by levels that come twice or more."""
+    if not cells.is_counted[cell]:
+        return 0.0
+    pairs, lost = pairs_of_few(cells.levels, cells.words[cell]), 0.0
+    for earlier in range(_U64(1), _U64(FEW_EVENTS)):
+        same = _U32(pairs & _U64((_U64(1) << earlier) - _U64(1)))
+        lost += cells.loss[count_bits(same)]
+        pairs >>= earlier
+    return lost
 
 
 @kernel_part

@@ -13,6 +13,7 @@ from numba.core.cgutils import alloca_once_value
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, TILE_SIDE, TILE_SLOTS
+from etd_ros.conversion.twins import count_twins
 from etd_ros.conversion.vectors import BIT, BYTE, DOUBLE, FLOAT, LONG, WORD, all_lanes, items, vector_at
 
 TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.uint64]"
@@ -33,7 +34,6 @@ _ZERO = ir.Constant(LONG, 0)
 _BITS, _BYTES, _WORDS, _FLOATS, _DOUBLES = (
     ir.VectorType(kind, TILE_SLOTS) for kind in (BIT, BYTE, WORD, FLOAT, DOUBLE)
 )
-_TWO_TILES = ir.VectorType(BYTE, 2 * TILE_SLOTS)
 _GROUP = ir.VectorType(WORD, GROUP_TILES)
 
 
@@ -83,27 +83,6 @@ def _whole_parts(builder: Any, fixed: Any) -> Any:
     return builder.shuffle_vector(parts, parts, _mask(list(range(2, 4 * TILE_SLOTS, 4))))
 
 
-def _twins(builder: Any, levels: Any) -> Any:
-    """Each slot is compared with the next one of its channel, the next but one, ..., the first half also with those
-    opposite. Two distances at once."""
-    both = builder.shuffle_vector(levels, levels, _mask(list(range(2 * TILE_SLOTS))))
-    have_events = builder.icmp_unsigned("!=", both, all_lanes(_TWO_TILES, 0))
-    twins = ir.Constant(LONG, 0)
-    for distance in range(1, CHANNEL_SLOTS // 2 + 1, 2):
-        others = [
-            channel + (place + distance + further) % CHANNEL_SLOTS
-            for further in (0, 1)
-            for channel in (0, CHANNEL_SLOTS)
-            for place in range(CHANNEL_SLOTS)
-        ]
-        same = builder.icmp_unsigned("==", both, builder.shuffle_vector(levels, levels, _mask(others)))
-        found = builder.bitcast(builder.and_(same, have_events), LONG)
-        if 2 * (distance + 1) == CHANNEL_SLOTS:
-            found = builder.and_(found, ir.Constant(LONG, 0x00FF00FFFFFFFFFF))
-        twins = builder.add(twins, builder.ctpop(found))
-    return builder.trunc(twins, WORD)
-
-
 def _tiles_with_events(_typing: Any, words: Any, first: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         words_ = items(context, builder, signature.args[0], arguments[0])
@@ -121,7 +100,7 @@ def _tile_levels(_typing: Any, last: Any, slot: Any, word: Any, slope: Any, offs
         times = builder.load(vector_at(builder, last_, slot_, _WORDS), align=4)
         found = _levels(builder, times, word_, slope_, offset_)
         builder.store(found, vector_at(builder, levels_, _ZERO, _BYTES), align=1)
-        return _twins(builder, found)
+        return count_twins(context, builder, found, word_)
 
     del slot, word, slope, offset
     return types.uint32(last, types.uint64, types.uint32, types.float64, types.float64, levels), generate

@@ -11,9 +11,11 @@ from numba import njit
 from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.readout import HALF_UP
 from etd_ros.conversion.tiles import slots_of_level, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
 
 times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)
 words = st.integers(0, 2**TILE_SLOTS - 1)
+few_slots = st.sets(st.integers(0, TILE_SLOTS - 1), max_size=FEW_EVENTS)
 
 
 @njit
@@ -29,6 +31,11 @@ def write(levels, data, byte, row_bytes):
 @njit
 def with_level(levels, level):
     return slots_of_level(levels, np.uint8(level))
+
+
+@njit
+def pairs_in(levels, word):
+    return pairs_of_few(levels, np.uint32(word))
 
 
 @njit
@@ -53,6 +60,23 @@ def test_levels_and_twins_of_a_tile_are_those_of_its_pixels_one_by_one(tile_time
     assert levels.tolist() == wanted
     channels = wanted[:16], wanted[16:]
     assert twins == sum(a == b > 0 for channel in channels for a, b in combinations(channel, 2))
+
+
+@given(st.lists(st.integers(0, 9), min_size=TILE_SLOTS, max_size=TILE_SLOTS), few_slots)
+@settings(deadline=None)
+def test_twins_of_few_events_are_those_of_their_pixels_one_by_one(tile_times, slots):
+    word = sum(1 << slot for slot in slots)
+    last = np.array(tile_times, np.int32)
+    levels = np.zeros(TILE_SLOTS, np.uint8)
+    twins = levels_of(last, 0, word, 255.0 / 9, levels)
+    places = sorted(slots)
+    equal = [
+        [levels[earlier] == levels[later] and earlier // 16 == later // 16 for earlier in places[:number]]
+        for number, later in enumerate(places)
+    ]
+    assert twins == sum(map(sum, equal))
+    bits = [is_equal for of_later in equal for is_equal in of_later]
+    assert pairs_in(levels, word) == sum(1 << number for number, is_equal in enumerate(bits) if is_equal)
 
 
 @pytest.mark.parametrize("duration_ns", [510, 51_000, 12_345_678, 123_456_789, 1_000_000_007, 2_000_000_000])
