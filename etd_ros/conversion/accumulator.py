@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, co
 from etd_ros.conversion.frame import Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers
 from etd_ros.conversion.kernels import (
+    BY_TIME,
     EMPTY_STATE,
+    NO_END,
     NOT_FOLLOWING,
     NOT_PLAIN,
     PLAIN_ADDRESSES,
@@ -24,6 +27,10 @@ from etd_ros.conversion.kernels import (
 )
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
+
+Step: TypeAlias = tuple[int, int, float, int]
+"""What came of adding events (`NO_END` and so on); the first event not added; the NZGE of a frame that has ended; the
+number of events of that frame, or of the unfinished one."""
 
 
 class FrameAccumulator:
@@ -91,17 +98,13 @@ class FrameAccumulator:
         state["min_duration_ns"], state["max_duration_ns"] = min_duration_ns, max_duration_ns
         state["alpha"], state["check_stride"] = alpha, check_stride
 
-    def advance(self, events: Events, first: int) -> tuple[int, float, int]:
+    def advance(self, events: Events, first: int) -> Step:
         """Add events until the frame ends as `end_frames` says, or the batch is over.
 
         Args:
             events: a batch.
             first: the first of its events to add, or NEW_BATCH, which accepts it as `accept` does, by the same call of
                 a kernel: many messages are so small that calls take longer than their events.
-
-        Returns:
-            What the kernel does: the first event not added, the NZGE of the frame that has ended by it, or 0, and the
-            number of events of that frame, or of the unfinished one.
 
         Raises:
             ConversionError: as `accept` does.
@@ -110,7 +113,7 @@ class FrameAccumulator:
             raise not_of_sensor(events, self.width, self.height)
         if not self._has_begun:
             if len(events.t) == 0:
-                return 0, 0.0, 0
+                return NO_END, 0, 0.0, 0
             self.start_ns = events.t.item(0)
         memory = (self._buffers.unfinished or self._buffers.next_one()).memory
         t, x, y, p = events.t, events.x, events.y, events.p
@@ -129,13 +132,12 @@ class FrameAccumulator:
             count_in(self.store, wanted, self._cell_size)
             self._counted_cells = wanted
 
-    def add(self, events: Events, first: int, stop: int, limit_ns: int) -> int:
-        """Add events first .. stop - 1 with t <= limit_ns; return the index of the first one not added. For converters
-        that do not call `end_frames`, whose longest duration it replaces."""
+    def add(self, events: Events, first: int, stop: int, limit_ns: int) -> Step:
+        """Add events first .. stop - 1 with t <= limit_ns. For converters that do not call `end_frames`, whose longest
+        duration it replaces."""
         part = events if stop == len(events) else events[:stop]
         self.state["max_duration_ns"] = limit_ns - self.start_ns
-        added, *_ = self.advance(part, first)
-        return added
+        return self.advance(part, first)
 
     def finish(self, stamp_ns: int, end: FrameEnd) -> Frame:
         """Read the frame out and start the next one at stamp_ns."""
@@ -148,17 +150,22 @@ class FrameAccumulator:
         self.start_ns = stamp_ns
         return frame
 
-    def skip_to(self, event_ns: int, max_duration_ns: int, events: int) -> Frame | None:
-        """End the frame, of so many events, at its longest duration because an event at event_ns, later than that, has
-        come.
+    def skip_to(self, event_ns: int, max_duration_ns: int, step: Step) -> Frame | None:
+        """End the frame at its longest duration because an event at event_ns, later than that, has come; `step` has met
+        it.
 
         The next frame starts there, or at event_ns if it would be over before that event as well.
 
         Returns:
             The frame, or None if it holds no events.
         """
+        end, _, nzge, events = step
         limit_ns = self.start_ns + max_duration_ns
-        frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT) if events else None
+        frame = None
+        if end == BY_TIME:
+            frame = self.hand_out(limit_ns, FrameEnd.TIME_LIMIT, nzge, events)
+        elif events:
+            frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT)
         self.start_ns = event_ns if event_ns > limit_ns + max_duration_ns else limit_ns
         return frame
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from etd_ros.boxes import Box
-from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
+from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator, Step
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import NEW_BATCH
+from etd_ros.conversion.kernels import BY_NZGE, NEW_BATCH, NO_END
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError, Parameters, parameter
@@ -160,8 +160,7 @@ class AtsltdConverter(AccumulatingConverter):
         if self._regions is not None or self._next_durations_ns is not None:
             self._begin_frame()
         step = self._accumulator.advance(events, NEW_BATCH)
-        i, reached_nzge, _ = step
-        return self._frames(events, step) if reached_nzge > 0 or i < len(events.t) else _NO_FRAMES
+        return self._frames(events, step) if step[0] != NO_END else _NO_FRAMES
 
     def _begin_frame(self) -> None:
         """Take on what has been asked for the next frame, if one begins."""
@@ -178,24 +177,23 @@ class AtsltdConverter(AccumulatingConverter):
         config = self.config
         self._accumulator.end_frames(min_duration_ns, max_duration_ns, config.nzge_interval[0], config.check_stride)
 
-    def _frames(self, events: Events, step: tuple[int, float, int]) -> Iterator[Frame]:
+    def _frames(self, events: Events, step: Step) -> Iterator[Frame]:
         """The frames of a batch, by steps from one to the next; the first step has been made."""
         accumulator = self._accumulator
         _, beta = self.config.nzge_interval
         frame: Frame | None
-        number = len(events.t)
         while True:
-            i, reached_nzge, frame_events = step
-            if reached_nzge > 0:
-                frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, reached_nzge, frame_events)
-                self.overshoots += frame.nzge > beta
-            elif i < number:
-                frame = accumulator.skip_to(events.t.item(i), self._max_duration_ns, frame_events)
-            else:
+            end, i, nzge, frame_events = step
+            if end == NO_END:
                 return
+            if end == BY_NZGE:
+                frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, nzge, frame_events)
+                self.overshoots += nzge > beta
+            else:
+                frame = accumulator.skip_to(events.t.item(i), self._max_duration_ns, step)
             if frame is not None:
                 yield frame
-            if i == number:
+            if i == len(events.t):
                 return
             self._begin_frame()
             step = accumulator.advance(events, i)

@@ -49,7 +49,7 @@ class FixedWindowConverter(AccumulatingConverter):
         i = 0
         while True:
             end_ns = accumulator.start_ns + self._window_ns
-            i = accumulator.add(events, i, len(events), end_ns)
+            _, i, *_ = accumulator.add(events, i, len(events), end_ns)
             if i == len(events):
                 return
             if accumulator.events:
@@ -102,9 +102,10 @@ class FixedCountConverter(AccumulatingConverter):
         i = 0
         while i < len(events):
             stop = min(len(events), i + self.config.count - accumulator.events)
-            i = accumulator.add(events, i, stop, accumulator.start_ns + self._max_duration_ns)
+            step = accumulator.add(events, i, stop, accumulator.start_ns + self._max_duration_ns)
+            _, i, *_ = step
             if i < stop:
-                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns, accumulator.events)
+                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns, step)
             elif accumulator.events == self.config.count:
                 frame = accumulator.finish(int(events.t[i - 1]), FrameEnd.COUNT)
             else:

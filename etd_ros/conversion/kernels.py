@@ -54,8 +54,10 @@ NO_CHECKS = 2**62
 NEW_BATCH = -1
 """Instead of a batch's first event: it has not been verified yet."""
 
-NOT_FOLLOWING, NOT_PLAIN = -1, -2
-"""Instead of the first event not added: none of the batch can be; the arrays are none that `advance_plain` takes."""
+NO_END, BY_NZGE, BY_TIME, LATE, NOT_FOLLOWING, NOT_PLAIN = 0, 1, 2, 3, -1, -2
+"""What came of adding a batch's events. They have all been added, and no frame has ended; one has, by its NZGE, or by
+its longest duration; an event is later than that, and `finish` is to end the frame, or no event is in it yet; no event
+can be added; nothing is known of these arrays by `advance_plain`."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
@@ -118,11 +120,15 @@ def _finish(
 ) -> tuple[float, int]:
     """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
     cells = borrowed_cells(store)
-    is_full = cells.tile_shift == 0 and state[0].events > FULL_EVENTS * state[0].counted
-    nzge = _read_out(cells, state, duration_ns, is_full, data)
+    nzge = _read_out(cells, state, duration_ns, _is_full(cells, state), data)
     events = state[0].events
     _clear(cells, state)
     return nzge, events
+
+
+@kernel_part
+def _is_full(cells: CellMap, state: npt.NDArray[np.void]) -> bool:
+    return bool(cells.tile_shift == 0 and state[0].events > FULL_EVENTS * state[0].counted)
 
 
 @kernel_part
@@ -180,16 +186,16 @@ def advance(
     first: int,
     start_ns: int,
     data: npt.NDArray[np.uint8],
-) -> tuple[int, float, int]:
+) -> tuple[int, int, float, int]:
     """Add events to the frame that started at start_ns until the state says that it ends, or the batch is over.
 
     A `NEW_BATCH` is verified before, all of it, as one that follows the stream's last event: many batches are so small
     that a call of its own for it would cost as much as their events.
 
     Returns:
-        The index of the first event not added, NOT_FOLLOWING for a batch of which none can be; the NZGE that reached
-        alpha (the frame is in data then, and the next one has begun), or 0; the number of events of that frame, or of
-        the unfinished one.
+        What came of it (`NO_END` and so on); the index of the first event not added; the exact NZGE of a frame that has
+        ended, which is in data then, and the next one has begun; the number of events of that frame, or of the
+        unfinished one.
     """
     return _advance(store, state, t, x, y, p, first, start_ns, data)
 
@@ -206,10 +212,10 @@ def _advance_if_plain(
     start_ns: int,
     data: npt.NDArray[np.uint8],
     addresses: Addresses,
-) -> tuple[int, float, int]:
+) -> tuple[int, int, float, int]:
     are_plain = is_plain(t, addresses, 1) and is_plain(p, addresses, 3)
     if not (are_plain and is_plain(x, addresses, 2) and is_plain(y, addresses, 2)):
-        return NOT_PLAIN, 0.0, 0
+        return NOT_PLAIN, 0, 0.0, 0
     columns, rows = take_uint16(x), take_uint16(y)
     return _advance(store, state, take_int64(t), columns, rows, take_uint8(p), first, start_ns, data)
 
@@ -225,13 +231,13 @@ def _advance(
     first: int,
     start_ns: int,
     data: npt.NDArray[np.uint8],
-) -> tuple[int, float, int]:
+) -> tuple[int, int, float, int]:
     cells = borrowed_cells(store)
     if first == NEW_BATCH:
         if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), state[0].previous_ns):
-            return NOT_FOLLOWING, 0.0, 0
+            return NOT_FOLLOWING, 0, 0.0, 0
         if len(t) == 0:
-            return 0, 0.0, state[0].events
+            return NO_END, 0, 0.0, state[0].events
         state[0].previous_ns = t[-1]
         first = 0
     alpha, check_stride = state[0].alpha, state[0].check_stride
@@ -245,20 +251,26 @@ def _advance(
         block = add_events(cells, state, t, x, y, p, i, part, start_ns, block)
         i = part
         events = state[0].events
-        if events < state[0].next:
-            return i, 0.0, events
+        is_late = events < state[0].next
+        if is_late and i == len(t):
+            return NO_END, i, 0.0, events
+        # Full frames are for `finish`; and so are all where no checks are: those end as their converter says.
+        if is_late and (events == 0 or check_stride == NO_CHECKS or _is_full(cells, state)):
+            return LATE, i, 0.0, events
         strides = 1
-        duration_ns = t[i - 1] - start_ns
-        if t[i - 1] < earliest_ns:
+        duration_ns = state[0].max_duration_ns if is_late else t[i - 1] - start_ns
+        if is_late:
+            strides = 0
+        elif t[i - 1] < earliest_ns:
             # To the first check that may succeed, or the batch's end.
             strides = 1 + (_first_after(t, i, earliest_ns - 1) - i) // check_stride
         elif duration_ns > 0:
             strides = _strides_below(cells, state, alpha, check_stride, duration_ns, data)
         if strides == 0:
             nzge = _read_out(cells, state, duration_ns, False, data)
-            if nzge >= alpha:
+            if is_late or nzge >= alpha:
                 _clear(cells, state)
-                return i, nzge, events
+                return BY_TIME if is_late else BY_NZGE, i, nzge, events
             strides = _fail(state, check_stride)
         state[0].next += strides * check_stride
 

@@ -334,6 +334,20 @@ def test_time_limit_ends_a_frame_without_the_event_that_comes_after_it():
     assert frames[0].nzge == pytest.approx(histogram_nzge(frames[0].data))
 
 
+@pytest.mark.parametrize("number", [30, 3000])
+def test_frames_that_their_time_ends_hold_the_closed_form_be_they_full_or_not(number):
+    events = random_events(11, number, 8, 8, 30 * MS)
+    config = AtsltdConfig(nzge_interval=(0.9, 1.0), max_duration_s=0.01)
+    frames = frames_of(AtsltdConverter(8, 8, config), [events])
+    assert [frame.end for frame in frames] == [FrameEnd.TIME_LIMIT] * 2
+    first = 0
+    for frame in frames:
+        held = events[first : first + frame.events]
+        np.testing.assert_array_equal(frame.data, closed_form(held, frame.start_ns, frame.stamp_ns))
+        assert frame.nzge == pytest.approx(histogram_nzge(frame.data))
+        first += frame.events
+
+
 def test_quiet_gap_makes_no_empty_frames_and_the_next_starts_at_its_event():
     events = make_events([0, 1000 * MS, 1005 * MS, 1011 * MS], [0, 1, 2, 3], [0] * 4, [0] * 4, 4, 4)
     frames = frames_of(AtsltdConverter(4, 4, AtsltdConfig(max_duration_s=0.01)), [events])
