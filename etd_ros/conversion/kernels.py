@@ -251,6 +251,7 @@ def _advance(
         block = add_events(cells, state, t, x, y, p, i, part, start_ns, block)
         i = part
         events = state[0].events
+        # Short of the next check the batch is over, or an event has come after the longest duration.
         is_late = events < state[0].next
         if is_late and i == len(t):
             return NO_END, i, 0.0, events
@@ -319,6 +320,7 @@ def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     return max(1, min(doubled, int(state[0].events) // (GROWTH_MAX * check_stride)))
 
 
+# What Python calls. Numba's types of the arguments are named, as nothing looks at them.
 _INT64, _UINT8 = (types.Array(dtype, 1, "C") for dtype in (types.int64, types.uint8))
 _STATE = types.Array(from_dtype(STATE_DTYPE), 1, "C")
 
@@ -331,4 +333,4 @@ advance_plain = DirectKernel(
 """`advance` for arrays as decoders make them, in less time; NOT_PLAIN for others."""
 
 finish = DirectKernel(_finish, (_INT64, _STATE, types.int64, _UINT8))
-"""`_finish`."""
+"""`_finish`, called without a look at its arguments' types."""

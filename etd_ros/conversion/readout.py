@@ -56,14 +56,13 @@ def read_levels(
         while group:
             tile = first | lowest_bit(group)
             group = _U64(group & _U64(group - _U64(1)))
-            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels))
+            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels, not is_full))
             if not of_sample:
                 byte = _U64(cells.tile_byte[tile])
                 if byte < PARTIAL:
                     write_tile(levels, data, byte, row_bytes)
                 else:
                     _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
-            # In this order the compiler leaves the twins out where nobody asks for them.
             if is_full:
                 loss, without = _lost_by_levels(cells, tile)
                 lost += loss

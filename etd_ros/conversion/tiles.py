@@ -18,7 +18,7 @@ from etd_ros.conversion.vectors import BIT, BYTE, DOUBLE, FLOAT, LONG, WORD, all
 
 TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.uint64]"
 TileLevels: TypeAlias = (
-    "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8]], np.uint32]"
+    "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8], bool], np.uint32]"
 )
 SlotsOfLevel: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint8], np.uint32]"
 ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
@@ -93,17 +93,23 @@ def _tiles_with_events(_typing: Any, words: Any, first: Any) -> Any:
     return types.uint64(words, types.uint64), generate
 
 
-def _tile_levels(_typing: Any, last: Any, slot: Any, word: Any, slope: Any, offset: Any, levels: Any) -> Any:
+def _tile_levels(
+    _typing: Any, last: Any, slot: Any, word: Any, slope: Any, offset: Any, levels: Any, with_twins: Any
+) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        _, slot_, word_, slope_, offset_, _ = arguments
+        _, slot_, word_, slope_, offset_, _, with_twins_ = arguments
         last_, levels_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 5))
         times = builder.load(vector_at(builder, last_, slot_, _WORDS), align=4)
         found = _levels(builder, times, word_, slope_, offset_)
         builder.store(found, vector_at(builder, levels_, _ZERO, _BYTES), align=1)
-        return count_twins(context, builder, found, word_)
+        twins = alloca_once_value(builder, ir.Constant(WORD, 0))  # type: ignore[no-untyped-call]
+        with builder.if_then(with_twins_, likely=True):
+            builder.store(count_twins(context, builder, found, word_), twins)
+        return builder.load(twins)
 
-    del slot, word, slope, offset
-    return types.uint32(last, types.uint64, types.uint32, types.float64, types.float64, levels), generate
+    del slot, word, slope, offset, with_twins
+    arguments = (last, types.uint64, types.uint32, types.float64, types.float64, levels, types.boolean)
+    return types.uint32(*arguments), generate
 
 
 def _slots_of_level(_typing: Any, levels: Any, level: Any) -> Any:
@@ -148,7 +154,8 @@ tiles_with_events = cast("TilesWithEvents", intrinsic(_tiles_with_events))
 """tiles_with_events(words, first): a bit for each of the 64 words from the first on that is not 0, lowest first."""
 
 tile_levels = cast("TileLevels", intrinsic(_tile_levels))
-"""tile_levels(last, slot, word, slope, offset, levels): how many pairs of pixels of a channel have the same level.
+"""tile_levels(last, slot, word, slope, offset, levels, with_twins): how many pairs of pixels of a channel have the same
+level, 0 where that is not asked for.
 
 The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 where the word has no bit, are put into
 `levels`.

@@ -20,7 +20,7 @@ few_slots = st.sets(st.integers(0, TILE_SLOTS - 1), max_size=FEW_EVENTS)
 
 @njit
 def levels_of(last, slot, word, slope, levels):
-    return tile_levels(last, np.uint64(slot), np.uint32(word), slope, HALF_UP, levels)
+    return tile_levels(last, np.uint64(slot), np.uint32(word), slope, HALF_UP, levels, True)
 
 
 @njit
