@@ -38,12 +38,17 @@ SPEED_MAX_PX_S = 1500.0
 """What comes along faster is noise, or light that changes."""
 STRAY_PX_S, STRAY_SHARE = 15.0, 0.5
 """An edge goes with a motion whose speed across it is the edge's to this, and this share of it."""
-CAMERA_SHARE, CAMERA_EXTENT = 0.5, 0.4
-"""The motion is the camera's if so many of the edges go with it, and if they extend over so much of the sensor."""
+CAMERA_SHARE = 0.5
+"""The motion is the camera's if so many of the edges go with it ..."""
+SURROUNDED, SURROUNDED_ON = 0.6, 0.3
+"""... and if they surround so much of the sensor: what moves before a still camera, however large, leaves its rims
+quiet (docs/starting.md). Less is enough for a camera that moved until now to move on."""
 CELL_PX, BLOCK_CELLS = 8, 3
 """Edges are counted in cells, each together with those round it: blocks of so many cells' side."""
 BLOCK_FLOWS_MAX = 12
 """The camera's motion is told from so many edges of a block: what is rich in edges counts by its area."""
+BLOCK_GOING_MIN, BLOCK_GOING_SHARE = 3, 0.6
+"""A block goes with the camera if so many of its edges do, and this share of them: noise does by chance."""
 BLOCK_FLOWS_MIN, ODD_SHARE = 6, 0.7
 """A cell is odd if its block has so many edges and this share of them does not go with the camera."""
 ODD_MIN = 25
@@ -84,9 +89,13 @@ class CameraFlow:
         self._events = events
         self._rows, self._columns = -(-events.height // CELL_PX), -(-events.width // CELL_PX)
 
-    def look(self) -> list[Sighting]:
-        """What moves otherwise than the camera now; nothing where that is not known to move."""
-        self.motion = self._camera_motion()
+    def look(self, surrounded: float = SURROUNDED) -> list[Sighting]:
+        """What moves otherwise than the camera now; nothing where that is not known to move.
+
+        Args:
+            surrounded: the share of the sensor that the edges which move with the camera surround at least.
+        """
+        self.motion = self._camera_motion(surrounded)
         if self.motion is None:
             return []
         flows = self._flows(OWN_SPAN_S, OWN_FLOWS)
@@ -106,30 +115,41 @@ class CameraFlow:
         flows = flows[: flows_of(events.times_of_each, events.stamp_ns, oldest_ns, *sides, *middle, flows)]
         return flows[flows[:, SPEED] < SPEED_MAX_PX_S]
 
-    def _camera_motion(self) -> Motion | None:
+    def _camera_motion(self, surrounded: float) -> Motion | None:
+        """The motion of most edges, if these surround such a share of the sensor."""
         flows = self._evenly(self._flows(CAMERA_SPAN_S, CAMERA_FLOWS))
         if len(flows) < FLOWS_MIN:
             return None
         parts = np.zeros(PARTS_TURNING)
         motion_of(flows, parts, np.zeros(PARTS_TURNING))
         motion = Motion(*parts.tolist())
-        going = flows[go_with(flows, motion)]
-        if len(going) < CAMERA_SHARE * len(flows):
+        going = go_with(flows, motion)
+        if going.mean() < CAMERA_SHARE:
             return None
-        low, high = np.quantile(going[:, [RIGHT, BELOW]], (0.05, 0.95), axis=0)
-        sides = (high - low + BLOCK_CELLS * CELL_PX) / (self._events.width, self._events.height)
-        return motion if sides.prod() >= CAMERA_EXTENT else None
+        places = flows[self._are_among_alike(flows, going)][:, [RIGHT, BELOW]]
+        return motion if surrounded_share(places, self._events) >= surrounded else None
+
+    def _are_among_alike(self, flows: Float64Array, going: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Which flows go along in blocks that do, shape (n,)."""
+        blocks = self._blocks(flows)
+        counts, going_counts = np.bincount(blocks), np.bincount(blocks, going)
+        block_goes = (going_counts >= BLOCK_GOING_MIN) & (going_counts >= BLOCK_GOING_SHARE * counts)
+        return np.asarray(going & block_goes[blocks], np.bool_)
 
     def _evenly(self, flows: Float64Array) -> Float64Array:
         """The flows without those that are more than BLOCK_FLOWS_MAX of a block's."""
-        columns, rows = (self._pixels(flows) // (BLOCK_CELLS * CELL_PX)).T
-        blocks = rows * self._columns + columns
+        blocks = self._blocks(flows)
         order = np.argsort(blocks, kind="stable")
         _, firsts, counts = np.unique(blocks[order], return_index=True, return_counts=True)
         places = np.arange(len(flows)) - np.repeat(firsts, counts)
         # Every so many-th of a block's, which lie row by row.
         strides = np.repeat(-(-counts // BLOCK_FLOWS_MAX), counts)
         return np.asarray(flows[order[places % strides == 0]], np.float64)
+
+    def _blocks(self, flows: Float64Array) -> npt.NDArray[np.int64]:
+        """The number of each flow's block, shape (n,)."""
+        columns, rows = (self._pixels(flows) // (BLOCK_CELLS * CELL_PX)).T
+        return np.asarray(rows * self._columns + columns, np.int64)
 
     def _groups(self, flows: Float64Array, odd: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
         """The number of each flow's group of neighbouring odd cells, from 1; 0 for none."""
@@ -177,6 +197,13 @@ class CameraFlow:
         now_x, now_y = (columns + 0.5 + own.x * ages_s, rows + 0.5 + own.y * ages_s)
         box = box_round(now_x.astype(np.float32), now_y.astype(np.float32), TRIM)
         return Sighting(box, (own.x, own.y), error_px_s)
+
+
+def surrounded_share(places: Float64Array, events: RecentEvents) -> float:
+    """The share of the sensor that lies between places (pixels), shape (n, 2)."""
+    if len(places) == 0:
+        return 0.0
+    return float(cv2.contourArea(cv2.convexHull(places.astype(np.float32)))) / (events.width * events.height)
 
 
 def go_with(flows: Float64Array, motion: Motion) -> npt.NDArray[np.bool_]:

@@ -1,10 +1,9 @@
 """Moving objects before a moving camera: the camera's motion is found, and what moves otherwise stands out.
 
-Motions are tried out; once the camera was found to move, the flow of edges (`camera_flow.py`) tells how, where its
-motion is much the same for some tenths of a second. To try them out, the sensor is cut into tiles. For each velocity of
-a grid a tile's events are moved on by their ages, and the chance that two of them fall on the same pixel says how well
-it fits (contrast maximisation, Gallego et al. 2018). One motion (shift, zoom and roll) that fits most tiles is the
-camera's.
+The flow of edges (`camera_flow.py`) tells it where it is much the same for some tenths of a second. Otherwise motions
+are tried out: the sensor is cut into tiles. For each velocity of a grid a tile's events are moved on by their ages, and
+the chance that two of them fall on the same pixel says how well it fits (contrast maximisation, Gallego et al. 2018).
+One motion (shift, zoom and roll) that fits most tiles is the camera's.
 Where tiles side by side fit it badly, the velocity that fits them best is an object's, and each event near by tells
 which of the two motions makes it fall on others.
 """
@@ -17,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.tracking.camera_flow import CameraFlow, Motion
+from etd_ros.tracking.camera_flow import SURROUNDED, SURROUNDED_ON, CameraFlow, Motion, surrounded_share
 from etd_ros.tracking.clusters import Sighting, box_round
 from etd_ros.tracking.discovery_kernels import (
     Float32Array,
@@ -30,9 +29,10 @@ from etd_ros.tracking.discovery_kernels import (
     refined_velocity,
     score_tiles,
 )
-from etd_ros.tracking.recent_events import NEVER_NS, RecentEvents
+from etd_ros.tracking.recent_events import RecentEvents
 
 TILE_PX = 24
+CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 TILE_EVENTS_MIN, TILE_EVENTS_MAX = 20, 48
 """Tiles with fewer events say nothing; of more, so many are looked at."""
 REACH = 6
@@ -47,8 +47,8 @@ FITS = 0.7
 """A tile moves with the camera if its best velocity is hardly better: the camera's has this share of its score ..."""
 STANDS_OUT = 0.45
 """... and it stands out if the camera's velocity has less than this share."""
-CAMERA_SHARE, CAMERA_EXTENT = 0.3, 0.4
-"""The camera moves if so many of the tiles fit, and if they extend over so much of the sensor."""
+CAMERA_SHARE = 0.3
+"""The camera moves if so many of the tiles fit, and if they surround as much of the sensor as its edges have to."""
 GROUPS_MAX = 8
 """Only so many groups of tiles that stand out are looked at, the largest."""
 FIT_ROUNDS = 2
@@ -66,9 +66,9 @@ EVIDENCE_PER_PX_MIN = 0.3
 """Least evidence per pixel of the box's outline."""
 EVENTS_MIN = 25
 TRIM = 0.02
-MOVED_LATELY_NS = 1_000_000_000
-"""The flow of edges is believed for so long after the camera was found to move, by either way: two cars that pass
-before a still one may go with one motion."""
+NEARER_MAX, ASIDE_MAX = 2.0, 0.25
+"""What goes where the picture goes, up to so many times as fast, and to the side by less than this share of what it is
+faster by, may stand still, up to so many times as near as the rest: the camera slides past it."""
 
 
 class CameraMotion:
@@ -86,7 +86,6 @@ class CameraMotion:
         self.window_s = WINDOW_MIN_S
         self.motion: Motion | None = None
         self._flow = CameraFlow(events)
-        self._moved_ns = NEVER_NS
         self._events = events
         self._width, self._height = events.width, events.height
         self._columns, self._rows = -(-events.width // TILE_PX), -(-events.height // TILE_PX)
@@ -98,25 +97,31 @@ class CameraMotion:
         self._scores = np.zeros((tiles, 2 * REACH + 1, 2 * REACH + 1), np.float32)
         self._step_px_s = 1.0
 
-    def look(self, points: Float32Array) -> list[Sighting]:
+    def look(self, points: Float32Array, *, moves: bool) -> list[Sighting]:
         """Find the camera's motion, and what moves otherwise; nothing where the camera stands still.
 
         Args:
             points: the events of `window_s`, from `RecentEvents.points`.
+            moves: whether the camera moved until now.
         """
-        found: list[Sighting] = []
-        self.motion = None
-        if 0 <= self._events.stamp_ns - self._moved_ns <= MOVED_LATELY_NS:
-            found = self._flow.look()
-            self.motion = self._flow.motion
+        surrounded = SURROUNDED_ON if moves else SURROUNDED
+        found = self._flow.look(surrounded)
+        self.motion = self._flow.motion
         if self.motion is None:
-            found = self._look_at_tiles(points)
-        if self.motion is not None:
-            self._moved_ns = self._events.stamp_ns
-        return found
+            found = self._look_at_tiles(points, surrounded)
+        return [sighting for sighting in found if not self._may_stand_nearer(sighting)]
 
-    def _look_at_tiles(self, points: Float32Array) -> list[Sighting]:
-        """The same by trying out motions."""
+    def _may_stand_nearer(self, sighting: Sighting) -> bool:
+        """Whether something moves as what stands nearer does where the camera slides past."""
+        assert self.motion is not None
+        x, y = sighting.box.center
+        camera = np.array(self.motion.at(np.array(x - self._width / 2), np.array(y - self._height / 2)))
+        faster = np.array(sighting.velocity) - camera
+        along, aside = float(faster @ camera), abs(float(faster[0] * camera[1] - faster[1] * camera[0]))
+        return 0 < along < (NEARER_MAX - 1) * float(camera @ camera) and aside < ASIDE_MAX * along
+
+    def _look_at_tiles(self, points: Float32Array, surrounded: float) -> list[Sighting]:
+        """The same by trying out motions; the camera's tiles surround such a share of the sensor."""
         self._step_px_s = STEP_PX / self.window_s
         deal_to_tiles(points, len(points), TILE_PX, self._columns, self._kept, self._seen)
         score_tiles(self._kept, self._seen, TILE_EVENTS_MIN, TILE_PX, STEP_PX, self.window_s, self._scores)
@@ -129,7 +134,7 @@ class CameraMotion:
         speed = np.hypot(motion.x, motion.y) + np.hypot(motion.zoom, motion.roll) * self._width / 3
         self.window_s = float(np.clip(WINDOW_PX / max(speed, 1.0), WINDOW_MIN_S, WINDOW_MAX_S))
         shares = self._shares(tiles, motion)
-        if not self._is_of_camera(tiles[shares >= FITS], len(tiles)):
+        if not self._is_of_camera(tiles[shares >= FITS], len(tiles), surrounded):
             return []
         self.motion = motion
         outliers = np.zeros((self._rows, self._columns), np.uint8)
@@ -185,15 +190,13 @@ class CameraMotion:
             np.float64,
         )
 
-    def _is_of_camera(self, fitting: npt.NDArray[np.int64], tiles: int) -> bool:
+    def _is_of_camera(self, fitting: npt.NDArray[np.int64], tiles: int, surrounded: float) -> bool:
         """Whether these of so many tiles are all over the sensor: nothing but a camera moves that much."""
         if len(fitting) < max(TILES_MIN, CAMERA_SHARE * tiles):
             return False
-        extent = 1.0
-        for places, side in ((self._x, self._width), (self._y, self._height)):
-            low, high = np.quantile(places[fitting], (0.05, 0.95))
-            extent *= (high - low + TILE_PX) / side
-        return bool(extent >= CAMERA_EXTENT)
+        middles = np.stack([self._x[fitting], self._y[fitting]], axis=1)
+        corners = np.concatenate([middles + np.array(corner) * TILE_PX / 2 for corner in CORNERS])
+        return surrounded_share(corners, self._events) >= surrounded
 
     def _sighting(self, points: Float32Array, group: npt.NDArray[np.int64]) -> Sighting | None:
         """What moves in a group of tiles, if anything does."""

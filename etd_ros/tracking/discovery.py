@@ -29,7 +29,7 @@ SECTOR_BUSY, SECTORS_BUSY = 0.15, 0.12
 CAMERA_WINDOW_S = 0.04
 """The events in which a camera's motion is looked for first."""
 CAMERA_LOOKS = 2
-"""Before a still camera, every so many looks at a busy sensor ask whether it moves."""
+"""Before a still camera, every so many looks at a busy sensor ask whether it moves, and those that go further back."""
 MEMORY, FIRST_MEMORY, CAMERA_STARTS, CAMERA_STOPS = 0.6, 0.6, 0.45, 0.2
 """The camera moves from when, in this fading memory of looks, so many said so, until few of them do; a
 first look that has to decide at once counts half as much again."""
@@ -119,14 +119,18 @@ class Discovery:
         """
         self.stamp_ns = self.events.stamp_ns
         self._looks += 1
-        clusters = [] if self._camera_moves else self._clusters.find(self.events.points(WINDOW_S))
-        is_time_to_ask = thorough or self._looks % CAMERA_LOOKS == 0
-        self._busy = not self._camera_moves and is_time_to_ask and self._is_busy()
+        clusters: list[Sighting] = []
+        self._busy = False
+        if not self._camera_moves:
+            is_slow_look = thorough or self._looks % SLOW_LOOKS == 0
+            clusters = self._clusters.find(self.events.points(WINDOW_S))
+            if is_slow_look:
+                clusters += self._slow(clusters)
+            # A camera that turns slowly keeps the sensor busy in the longer window only.
+            self._busy = (is_slow_look or self._looks % CAMERA_LOOKS == 0) and self._is_busy()
         found = self._among_camera_motion(at_once=thorough) if self._camera_moves or self._busy else []
         flock: list[Sighting] = []
         if not self._camera_moves:
-            if thorough or self._looks % SLOW_LOOKS == 0:
-                clusters += self._slow(clusters)
             found, flock = self._told_from_flock(clusters)
         self.clusters = [] if self._camera_moves else clusters
         self.sightings = [sighting for sighting in found if self._has_size(sighting.box)]
@@ -137,10 +141,10 @@ class Discovery:
         """What moves otherwise than the camera; whether that moves is decided by several looks, or `at_once`."""
         if not self._camera_moves:
             self._camera.window_s = CAMERA_WINDOW_S
-        found = self._camera.look(self.events.points(self._camera.window_s))
+        found = self._camera.look(self.events.points(self._camera.window_s), moves=self._camera_moves)
         if not self._camera_moves and self._camera.motion is not None:
             # Only now is it known how far back the events have to go.
-            found = self._camera.look(self.events.points(self._camera.window_s))
+            found = self._camera.look(self.events.points(self._camera.window_s), moves=self._camera_moves)
         says_so = float(self._camera.motion is not None)
         if self._camera_memory is None and at_once:
             self._camera_memory = FIRST_MEMORY * says_so

@@ -6,9 +6,9 @@ import pytest
 from etd_ros.engine import FrameSource
 from etd_ros.events import concatenate
 from etd_ros.settings import Settings
-from etd_ros.simulation import Path, Scene, Sprite, simulate
+from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, simulate
 from etd_ros.simulation.textures import smooth_noise
-from etd_ros.tracking.camera_flow import CameraFlow, Motion, go_with
+from etd_ros.tracking.camera_flow import SURROUNDED_ON, CameraFlow, Motion, go_with, surrounded_share
 from etd_ros.tracking.edge_flow_kernels import COLUMNS
 from etd_ros.tracking.recent_events import RecentEvents
 
@@ -19,23 +19,25 @@ def texture_of(seed: int, height: int, width: int) -> np.ndarray:
     return 0.2 + 0.6 * smooth_noise(np.random.default_rng(seed), height, width, grain=3.0)
 
 
-def thing(velocity) -> Sprite:
-    """A square of 40 pixels that is in the middle of the picture halfway."""
+def thing(velocity, side_px=40) -> Sprite:
+    """A square that is in the middle of the picture halfway."""
 
     def way(t):
         return tuple(side / 2 + v * (t - DURATION_S / 2) for side, v in zip((WIDTH, HEIGHT), velocity, strict=True))
 
-    return Sprite("thing", texture_of(1, 40, 40), np.ones((40, 40)), Path.of(way, DURATION_S))
+    texture = texture_of(1, side_px, side_px)
+    return Sprite("thing", texture, np.ones_like(texture), Path.of(way, DURATION_S))
 
 
-def look_at(scene: Scene):
+def look_at(scene: Scene, *surrounded: float, noise_rate_hz: float = 0.0):
     """The flow's finder after the whole of a scene, and what it has found."""
-    frames = FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(concatenate(list(simulate(scene, seed=0))))
+    events = concatenate(list(simulate(scene, seed=0, config=SensorConfig(noise_rate_hz=noise_rate_hz))))
+    frames = FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(events)
     events = RecentEvents(WIDTH, HEIGHT)
     for frame in frames:
         events.take(frame.stamp_ns, frame.data)
     flow = CameraFlow(events)
-    return flow, flow.look()
+    return flow, flow.look(*surrounded)
 
 
 def seen_by(camera, *sprites) -> Scene:
@@ -85,6 +87,36 @@ def test_a_thing_before_a_still_camera_is_no_motion_of_the_camera():
     flow, found = look_at(Scene(WIDTH, HEIGHT, DURATION_S, texture_of(0, HEIGHT, WIDTH), (thing((100, 0)),)))
     assert flow.motion is None
     assert found == []
+
+
+def test_a_thing_that_fills_much_of_the_picture_before_a_still_camera_is_no_motion_of_the_camera():
+    plain = np.full((HEIGHT, WIDTH), 0.5)
+    flow, found = look_at(Scene(WIDTH, HEIGHT, DURATION_S, plain, (thing((100, 0), side_px=130),)))
+    assert flow.motion is None
+    assert found == []
+
+
+def test_noise_all_round_a_thing_does_not_make_it_a_motion_of_the_camera():
+    plain = np.full((HEIGHT, WIDTH), 0.5)
+    scene = Scene(WIDTH, HEIGHT, DURATION_S, plain, (thing((100, 0), side_px=100),))
+    flow, _ = look_at(scene, noise_rate_hz=1e5)
+    assert flow.motion is None
+
+
+def test_less_of_the_sensor_has_to_go_with_a_camera_that_moved_until_now():
+    background = texture_of(0, 2 * HEIGHT, 2 * WIDTH)
+    background[:, WIDTH:] = 0.5
+    scene = Scene(WIDTH, HEIGHT, DURATION_S, background, (), view=Path.of(to_the_right, DURATION_S))
+    flow, _ = look_at(scene)
+    assert flow.motion is None
+    flow, _ = look_at(scene, SURROUNDED_ON)
+    assert (flow.motion.x, flow.motion.y) == pytest.approx((-80, 0), abs=10)
+
+
+def test_places_surround_what_lies_between_them():
+    events = RecentEvents(WIDTH, HEIGHT)
+    assert surrounded_share(np.empty((0, 2)), events) == 0
+    assert surrounded_share(np.array([[0.0, 0.0], [WIDTH / 2, HEIGHT], [WIDTH, 0.0], [9.0, 3.0]]), events) == 0.5
 
 
 def test_without_events_the_camera_does_not_move():
