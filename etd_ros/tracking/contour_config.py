@@ -6,9 +6,6 @@ from dataclasses import dataclass, replace
 
 from etd_ros.parameters import Parameters, parameter
 
-PERSON_SCALE_GAIN = 0.2
-"""Of people: a stride reaches out and comes back, which is no growing, but some do come nearer."""
-
 
 @dataclass(frozen=True)
 class ContourConfig(Parameters):
@@ -63,7 +60,7 @@ class ContourConfig(Parameters):
     )
 
     def for_class(self, class_id: str) -> ContourConfig:
-        """By what a target is followed of which it is known what it is; "" where it is not. People stay upright."""
+        """The parameters by which a target of a class is followed, "" where that is not known: people stay upright."""
         people = {name.strip().casefold() for name in self.person_classes}
         named = class_id.strip().casefold()
-        return replace(self, angle_gain=0.0, scale_gain=PERSON_SCALE_GAIN) if named and named in people else self
+        return replace(self, angle_gain=0.0) if named and named in people else self
