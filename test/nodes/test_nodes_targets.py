@@ -134,6 +134,9 @@ def test_a_box_whose_best_class_is_a_person_is_followed_upright(bench, person, i
     box, frames = frames_of_turning_square()
     targets.publish(Detection2DArray(detections=[of_classes("square", box, car=0.2, Person=person)]))
     bench.wait_until(lambda: bench.figure("tracker", "targets") == "1", "the box is taken")
+    # What starts it again says nothing of its class.
+    targets.publish(Detection2DArray(detections=[of_classes("square", box)]))
+    assert bench.next_figure("tracker", "targets") == bench.next_figure("tracker", "targets") == "1"
     found = bench.messages["/tracker/detections"]
     for number, frame in enumerate(frames, 1):
         images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
