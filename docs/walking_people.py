@@ -6,7 +6,8 @@ All lists of scenes with people in them take them from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -202,6 +203,25 @@ def _posed(middle: Callable[[Times], Pose]) -> Callable[[Times], tuple[Times, Ti
     return pose
 
 
+def nearing(part: Sprite, body: Sequence[Sprite], per_s: float, duration_s: float) -> Sprite:
+    """A part of somebody, or of one of several, who comes nearer or goes away: as large as before half way.
+
+    Args:
+        part: one of their sprites.
+        body: all of them; round the torso of theirs they grow.
+        per_s: how fast (1/s, of the logarithm of their size).
+        duration_s: of the scene.
+    """
+    (torso,) = (other for other in body if other.name == f"{part.name.split(' ')[0]} torso")
+
+    def pose(t: Times) -> tuple[Times, Times, Times, Times]:
+        size = np.exp(per_s * (t - duration_s / 2))
+        (x, y, scale, angle), (middle_x, middle_y, *_) = part.path.poses(t).T, torso.path.poses(t).T
+        return middle_x + size * (x - middle_x), middle_y + size * (y - middle_y), size * scale, angle
+
+    return replace(part, path=Path.of(pose, duration_s))
+
+
 def box_of_all(scene: Scene, name: str, time_s: float) -> Box:
     """The box (pixels) of a sprite, or round all sprites of somebody of this name, at a time (s)."""
     boxes = [scene.box(of, time_s) for of in scene.targets if of == name or of.startswith(f"{name} ")]
@@ -214,10 +234,15 @@ def boxes_of_stride(scene: Scene, name: str, times_s: Times) -> list[Box]:
     """Boxes (pixels) of somebody at times (s), whose limbs reach as far from their torso as on average: what somebody
     who draws a box for all of a walk would draw."""
     of = f"{name} torso"
-    reach = np.mean([_reach(scene, name, of, time_s) for time_s in np.arange(0, scene.duration_s, SAMPLE_S)], axis=0)
-    left, top, right, bottom = reach.tolist()
-    middles = (scene.box(of, time_s).center for time_s in times_s.tolist())
-    return [Box(x + left, y + top, right - left, bottom - top) for x, y in middles]
+    (torso,) = (sprite for sprite in scene.sprites if sprite.name == of)
+    samples_s = np.arange(0, scene.duration_s, SAMPLE_S)
+    sizes = SHARP * torso.path.poses(samples_s)[:, 2]
+    reaches = [_reach(scene, name, of, time_s) / size for time_s, size in zip(samples_s, sizes, strict=True)]
+    boxes = []
+    for time_s, size in zip(times_s.tolist(), SHARP * torso.path.poses(times_s)[:, 2], strict=True):
+        (x, y), (left, top, right, bottom) = scene.box(of, time_s).center, (size * np.mean(reaches, axis=0)).tolist()
+        boxes.append(Box(x + left, y + top, right - left, bottom - top))
+    return boxes
 
 
 def _reach(scene: Scene, name: str, of: str, time_s: float) -> npt.NDArray[np.float64]:

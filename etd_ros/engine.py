@@ -383,4 +383,4 @@ def _begin(tracker: MultiTracker, start: TargetStart | Click) -> None:
     if isinstance(start, Click):
         tracker.click(start)
     else:
-        tracker.start(start.name, start.box, start.stamp_ns)
+        tracker.start(start.name, start.box, start.stamp_ns, start.class_id)

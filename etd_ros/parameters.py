@@ -36,7 +36,8 @@ def parameter(
     high: float | None = None,
     choices: Sequence[str] = (),
 ) -> Any:
-    """A dataclass field with a default (bool, int, float, str, or a tuple of floats) and a description."""
+    """A dataclass field with a default (bool, int, float, str, or a tuple of floats or of texts) and a description. A
+    tuple of floats keeps its length, one of texts may have any."""
     return dataclasses.field(default=default, metadata={"description": Description(text, low, high, tuple(choices))})
 
 
@@ -71,8 +72,11 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 def _convert(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, tuple):
-        if isinstance(value, str | bytes) or not isinstance(value, Sequence) or len(value) != len(default):
-            msg = f"parameter {name} needs a list of {len(default)} numbers, not {value!r}"
+        of_texts = isinstance(default[0], str)
+        is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        if not is_list or not (of_texts or len(value) == len(default)):
+            items = "texts" if of_texts else f"{len(default)} numbers"
+            msg = f"parameter {name} needs a list of {items}, not {value!r}"
             raise ParameterError(msg)
         return tuple(_convert(name, item, default[0]) for item in value)
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):

@@ -28,11 +28,13 @@ class TargetStart:
         name: the target's name, unique.
         box: where it is then (pixels).
         stamp_ns: from the first frame at or after this time on (ns); 0 means from the next frame on.
+        class_id: what it is, as `ContourConfig.for_class` takes it; "" if that is not known.
     """
 
     name: str
     box: Box
     stamp_ns: int = 0
+    class_id: str = ""
 
     def check_start(self, first_event_ns: int) -> None:
         """Refuse a start that lies clearly before the first event.
@@ -70,22 +72,28 @@ def check_start(start: _Start, first_event_ns: int) -> None:
 
 
 def targets_from_file(path: Path) -> list[TargetStart]:
-    """Targets at the first row of each name in a BOXES.csv.
+    """Targets at the first row of each name in a BOXES.csv, of the class that it has there.
 
     Raises:
         EvaluationError: the file cannot be read or has a wrong row.
     """
-    return [TargetStart(name, rows[0].box, rows[0].stamp_ns) for name, rows in read_boxes(path).items()]
+    firsts = {name: rows[0] for name, rows in read_boxes(path).items()}
+    return [TargetStart(name, first.box, first.stamp_ns, first.class_id) for name, first in firsts.items()]
 
 
 def parse_target(text: str) -> TargetStart:
-    """A target from `NAME:X,Y,W,H` or `NAME:X,Y,W,H@STAMP_NS`.
+    """A target from `NAME:X,Y,W,H` or `NAME:X,Y,W,H@STAMP_NS`, which `=CLASS` may follow.
 
     Raises:
         TargetError: the text has another form.
     """
-    name, (x, y, w, h), stamp_ns = _parse("target", text, "X,Y,W,H")
-    return TargetStart(name, Box(x, y, w, h), stamp_ns)
+    name, colon, rest = text.rpartition(":")
+    placed, equals, class_id = rest.partition("=")
+    if equals and not class_id.strip():
+        msg = f"target {text!r} has an empty class: give NAME:X,Y,W,H=CLASS, or leave = out"
+        raise TargetError(msg)
+    name, (x, y, w, h), stamp_ns = _parse("target", f"{name}{colon}{placed}", "X,Y,W,H")
+    return TargetStart(name, Box(x, y, w, h), stamp_ns, class_id.strip())
 
 
 def targets_from_text(text: str) -> list[TargetStart]:

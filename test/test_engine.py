@@ -25,7 +25,7 @@ from etd_ros.settings import Settings, settings_from_mapping
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.stream import Restart, StreamBatch, StreamGuard
 from etd_ros.targets import TargetError, TargetStart, targets_from_file
-from etd_ros.tracking import METHODS, TargetState, TrackingError
+from etd_ros.tracking import METHODS, ContourConfig, TargetState, TrackingError
 
 WIDTH, HEIGHT = 96, 72
 START_NS = 1_000_000_000
@@ -390,3 +390,10 @@ def test_frames_and_images_long_into_a_stream_are_those_of_a_new_one(hours):
         assert np.array_equal(step.frame.data, expected.frame.data)
         # Ticks of the reconstruction begin with the stream, so they are rounded elsewhere.
         assert np.abs(step.image.astype(int) - expected.image).max() <= 1
+
+
+def test_the_tracker_is_told_of_what_class_a_target_is(monkeypatch):
+    told = []
+    monkeypatch.setattr(ContourConfig, "for_class", lambda config, class_id: told.append(class_id) or config)
+    assert list(track(cut_at(EVENTS, []), [TargetStart("square", BOX, class_id="person")]))
+    assert told == ["person"]

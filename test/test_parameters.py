@@ -14,6 +14,7 @@ class Example(Parameters):
     pair: tuple[float, float] = parameter((0.1, 0.2), "two numbers", low=0.0)
     kind: str = parameter("plain", "a kind", choices=("plain", "fancy"))
     on: bool = parameter(True, "a switch")
+    words: tuple[str, ...] = parameter(("one", "two"), "any number of words")
 
 
 def test_values_are_taken_by_name_and_the_rest_keeps_its_default():
@@ -24,10 +25,15 @@ def test_a_whole_number_serves_as_a_float():
     assert from_mapping(Example, {"share": 1}).share == 1.0
 
 
+@pytest.mark.parametrize("words", [[], ["three"], ("three", "four", "five")])
+def test_a_list_of_texts_may_have_any_length(words):
+    assert from_mapping(Example, {"words": words}).words == tuple(words)
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"counts": 4}, "unknown parameter 'counts': known are count, kind, on, pair, share"),
+        ({"counts": 4}, "unknown parameter 'counts': known are count, kind, on, pair, share, words"),
         ({"count": 10}, r"count = 10 is out of range \[1, 9\]"),
         ({"count": 2.5}, "count needs a int"),
         ({"count": True}, "count needs a int"),
@@ -37,6 +43,8 @@ def test_a_whole_number_serves_as_a_float():
         ({"pair": [1.0, -1.0]}, "out of range"),
         ({"kind": "odd"}, "choose one of plain, fancy"),
         ({"on": 1}, "on needs a bool"),
+        ({"words": "one"}, "words needs a list of texts"),
+        ({"words": ["one", 2]}, "words needs a str"),
     ],
 )
 def test_wrong_values_are_named_with_what_is_allowed(values, words):
@@ -45,5 +53,5 @@ def test_wrong_values_are_named_with_what_is_allowed(values, words):
 
 
 def test_every_parameter_is_described():
-    assert [name for name, _, _ in described(Example)] == ["count", "share", "pair", "kind", "on"]
+    assert [name for name, _, _ in described(Example)] == ["count", "share", "pair", "kind", "on", "words"]
     assert next(text.text for _, _, text in described(Example)) == "a count"

@@ -20,6 +20,16 @@ def test_a_target_is_read_from_text():
     assert parse_target("a:b:1,2,3,4") == TargetStart("a:b", Box(1, 2, 3, 4), 0)
 
 
+def test_a_class_may_follow_a_target_in_text():
+    assert parse_target("a=b:1,2,3,4@17=traffic sign") == TargetStart("a=b", Box(1, 2, 3, 4), 17, "traffic sign")
+    assert parse_target("anna:1,2,3,4= person ") == TargetStart("anna", Box(1, 2, 3, 4), 0, "person")
+
+
+def test_an_empty_class_is_refused():
+    with pytest.raises(TargetError, match="empty class: give NAME:X,Y,W,H=CLASS"):
+        parse_target("anna:1,2,3,4=")
+
+
 @pytest.mark.parametrize(
     "text", ["ball", "ball:1,2,3", "ball:1,2,3,x", "ball:1,2,3,4@soon", ":1,2,3,4", "b:1,2,3,4@-5"]
 )
@@ -32,6 +42,15 @@ def test_targets_start_at_the_first_row_of_each_name(tmp_path):
     path = tmp_path / "boxes.csv"
     path.write_text("target,stamp_ns,x,y,w,h\na,10,1,2,3,4\na,20,5,6,7,8\nb,20,1,1,1,1\n")
     assert targets_from_file(path) == [TargetStart("a", Box(1, 2, 3, 4), 10), TargetStart("b", Box(1, 1, 1, 1), 20)]
+
+
+def test_a_file_may_say_what_each_target_is_where_it_starts(tmp_path):
+    path = tmp_path / "boxes.csv"
+    path.write_text("target,stamp_ns,x,y,w,h,class\na,20,5,6,7,8,\na,10,1,2,3,4, Person \nb,20,1,1,1,1,\n")
+    assert [(target.name, target.stamp_ns, target.class_id) for target in targets_from_file(path)] == [
+        ("a", 10, "Person"),
+        ("b", 20, ""),
+    ]
 
 
 def test_a_name_given_twice_is_refused():

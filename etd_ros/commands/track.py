@@ -37,7 +37,11 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     add_recording_options(parser)
     parser.add_argument("--targets", type=Path, metavar="BOXES.csv", help="targets start at the first row of each name")
     parser.add_argument(
-        "--target", action="append", default=[], metavar="NAME:X,Y,W,H[@STAMP_NS]", help="a target (may be repeated)"
+        "--target",
+        action="append",
+        default=[],
+        metavar="NAME:X,Y,W,H[@STAMP_NS][=CLASS]",
+        help="a target (may be repeated)",
     )
     parser.add_argument(
         "--click", action="append", default=[], metavar="NAME:X,Y[@STAMP_NS]", help="the object there (may be repeated)"

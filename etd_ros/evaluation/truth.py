@@ -1,4 +1,4 @@
-"""BOXES.csv: labelled boxes, `target,stamp_ns,x,y,w,h`."""
+"""BOXES.csv: labelled boxes, `target,stamp_ns,x,y,w,h`, perhaps with a column `class`."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ COLUMNS = ("target", "stamp_ns", "x", "y", "w", "h")
 
 @dataclass(frozen=True, slots=True)
 class TimedBox:
-    """A target's box at a time: stamp (ns) and box (pixels)."""
+    """A target's box at a time: stamp (ns) and box (pixels); and what it is said to be, "" if nothing is said."""
 
     stamp_ns: int
     box: Box
+    class_id: str = ""
 
 
 def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
@@ -30,7 +31,7 @@ def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
     """
     boxes: dict[str, list[TimedBox]] = {}
     for row in read_rows(path, COLUMNS):
-        boxes.setdefault(row.name(), []).append(TimedBox(row.stamp_ns(), row.box()))
+        boxes.setdefault(row.name(), []).append(TimedBox(row.stamp_ns(), row.box(), row.cells.get("class", "").strip()))
     if not boxes:
         msg = f"{path}: holds no box: give a line target,stamp_ns,x,y,w,h for each labelled time"
         raise EvaluationError(msg)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterUninitializedException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -98,7 +99,14 @@ class NodeParameters:
         return from_mapping(config, self._values(self._options_names))
 
     def _values(self, names: Iterable[str]) -> dict[str, Any]:
-        return {name: _plain(self._node.get_parameter(name).value) for name in names}
+        return {name: self._value(name) for name in names}
+
+    def _value(self, name: str) -> Any:
+        try:
+            return _plain(self._node.get_parameter(name).value)
+        except ParameterUninitializedException:
+            # A list of nothing is of no type: ROS takes it for no value.
+            return ()
 
     def _declare(self, described: Iterable[tuple[str, Any, Description]]) -> list[str]:
         names = []
@@ -129,7 +137,7 @@ class NodeParameters:
         """Whether a configured node can go on with this value."""
         if name not in self._settings_names and name not in self._options_names:
             return True  # not ours, such as use_sim_time
-        if value == _plain(self._node.get_parameter(name).value) or name in self._at_once:
+        if value == self._value(name) or name in self._at_once:
             return True
         return name in self._settings_names and name not in _WIRING
 

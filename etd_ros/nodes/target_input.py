@@ -168,7 +168,8 @@ class TargetInput:
                 self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
                 starts[target.name] = None
             elif target.name in self._targets or len(self._targets) < self._node.options.targets_max:
-                starts[target.name] = start = TargetStart(target.name, target.box)
+                class_id = self._class_of(target.name)
+                starts[target.name] = start = TargetStart(target.name, target.box, class_id=class_id)
                 self._targets.setdefault(target.name, start)
                 self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
             else:
@@ -222,7 +223,7 @@ class TargetInput:
             else:
                 wanted.append(detection)
         starts = [
-            TargetStart(name, detection.box, decoded.stamp_ns)
+            TargetStart(name, detection.box, decoded.stamp_ns, detection.class_id)
             for name, detection in zip(names_of(wanted), wanted, strict=True)
         ]
         if starts and self._is_ahead(decoded.stamp_ns):
@@ -247,12 +248,18 @@ class TargetInput:
                 continue
             name = start.name or self._next_name("target", held)
             held.add(name)
-            self._new[name] = TargetStart(name, start.box, start.stamp_ns)
+            class_id = start.class_id or self._class_of(name)
+            self._new[name] = TargetStart(name, start.box, start.stamp_ns, class_id)
         if wrong:
             more = f" ({len(wrong)} boxes of one message are wrong)" if len(wrong) > 1 else ""
             self._refusals.note("box", f"{wrong[0]}{more}", len(wrong))
         if refused:
             self._refuse_for_room(refused)
+
+    def _class_of(self, name: str) -> str:
+        """What a target was said to be, which a box without a class leaves as it was; "" if it was never said."""
+        known = self._new.get(name) or self._targets.get(name)
+        return known.class_id if known else ""
 
     def _take_point(self, point: PointMessage) -> None:
         # Whoever clicks means what is there now, whichever clock his viewer stamps by.
@@ -380,7 +387,7 @@ def _numbered(class_id: str) -> Iterator[str]:
 def _started(tracker: MultiTracker, target: TargetStart) -> EtdError | None:
     """Start a target, or start it again; why it cannot be."""
     try:
-        tracker.start_again(target.name, target.box, target.stamp_ns)
+        tracker.start_again(target.name, target.box, target.stamp_ns, target.class_id)
     except EtdError as err:
         return err
     return None

@@ -51,7 +51,9 @@ class TrackingOptions(NodeOptions):
 
     method: str = parameter(DEFAULT_METHOD, "tracking method", choices=tuple(METHODS))
     targets_file: str = parameter("", "BOXES.csv: targets start at the first row of each name")
-    targets: str = parameter("", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, separated by ';'")
+    targets: str = parameter(
+        "", "targets as NAME:X,Y,W,H or NAME:X,Y,W,H@STAMP_NS, which =CLASS may follow, separated by ';'"
+    )
     targets_max: int = parameter(
         64,
         "most targets that are followed at once, whatever started them; a new one has the place of one lost for long",

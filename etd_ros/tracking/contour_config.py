@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from etd_ros.parameters import Parameters, parameter
 
@@ -29,7 +29,7 @@ class ContourConfig(Parameters):
     )
     angle_gain: float = parameter(
         0.3,
-        "share of a measured turn that is taken on; 0 keeps the model upright (for people who walk)",
+        "share of a measured turn that is taken on; 0 keeps the model upright",
         low=0.0,
         high=1.0,
     )
@@ -51,6 +51,16 @@ class ContourConfig(Parameters):
         low=0.001,
         high=100.0,
     )
+    person_classes: tuple[str, ...] = parameter(
+        ("person", "pedestrian"),
+        "targets of these classes, in capitals or not, stay upright: a stride is not taken for turning",
+    )
     ridge_weight: float = parameter(
         0.5, "weight of where events are, beside which polarity they have", low=0.0, high=10.0
     )
+
+    def for_class(self, class_id: str) -> ContourConfig:
+        """The parameters by which a target of a class is followed, "" where that is not known: people stay upright."""
+        people = {name.strip().casefold() for name in self.person_classes}
+        named = class_id.strip().casefold()
+        return replace(self, angle_gain=0.0) if named and named in people else self

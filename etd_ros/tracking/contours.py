@@ -23,6 +23,7 @@ from etd_ros.tracking.shape import reach_of
 from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.turning import TurningByFlow
+from etd_ros.tracking.turning_trial import TurningTrial
 
 CELLS_MAX = 48
 """Cells along a target's longer side at most: more detail costs time and finds nothing more."""
@@ -100,6 +101,7 @@ class Contours:
         self._growing = SteadyChange(GROWTH_GAIN)
         self._growth_by_flow: GrowthByFlow | None = None
         self._turning_by_flow: TurningByFlow | None = None
+        self._trial: TurningTrial | None = None
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self._model_box = ModelBox(box.w, box.h)
@@ -327,7 +329,7 @@ class Contours:
         """Take the target to be at rest."""
         self.velocity[:] = 0
         self._growth_by_flow = None
-        self._turning_by_flow = None
+        self._turning_by_flow = self._trial = None
         self._turning.stop()
         self._growing.stop()
 
@@ -444,8 +446,20 @@ class Contours:
             too_small *= 1 - self.covered
             self._growing.learn(too_small, elapsed_s)
             self._grow(config.scale_gain * too_small)
-        if config.angle_gain > 0 and self._turning.learn(turned, elapsed_s):
-            self.pose[ANGLE] += config.angle_gain * turned
+        if config.angle_gain > 0:
+            self._turn(sight, turned, elapsed_s)
+
+    def _turn(self, sight: Sight, turned: float, elapsed_s: float) -> None:
+        """Turn by what the angle is off by (rad), once the target is known to turn and until that proves wrong."""
+        begins = self._turning.per_s == 0
+        if not self._turning.learn(turned, elapsed_s):
+            return
+        if begins:
+            self._trial = TurningTrial(self._maps, self._norms, float(self.pose[ANGLE]), self._arm_cells)
+        self.pose[ANGLE] += self.config.angle_gain * turned
+        if self._trial and self._trial.fails(sight, self.cell_px, self.config.ridge_weight, elapsed_s):
+            self.pose[ANGLE] = self._trial.angle_rad
+            self._turning.stop()
 
     def _grow(self, growth: float) -> None:
         """Change the scale's logarithm, within limits."""

@@ -107,13 +107,14 @@ class MultiTracker:
         comes; inf: no matter how long."""
         return min((target.longest_frame_s for target in self._targets.values()), default=math.inf)
 
-    def start(self, name: str, box: Box, stamp_ns: int = 0) -> None:
+    def start(self, name: str, box: Box, stamp_ns: int = 0, class_id: str = "") -> None:
         """Track a target that is at `box` at `stamp_ns`.
 
         Args:
             name: 1 to 64 printable characters without commas; unique.
             box: its box (pixels), which may reach over the sensor's border.
             stamp_ns: tracking starts on the first frame at or after this time (ns), 0: on the next frame.
+            class_id: what it is, if that is known: `etd-plus` follows people otherwise (`ContourConfig.for_class`).
 
         Raises:
             TrackingError: the name is unusable, taken, or that of a click that waits, or the stamp is negative.
@@ -123,15 +124,16 @@ class MultiTracker:
         if name in self.waiting_clicks:
             msg = f"target {name!r} waits for what moves at a click: stop it first or choose another name"
             raise TrackingError(msg)
-        self._targets[name] = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
+        self._targets[name] = self._made(name, self._checked(name, box, stamp_ns), stamp_ns, class_id)
 
-    def start_again(self, name: str, box: Box, stamp_ns: int = 0) -> None:
-        """Track a target from another box on, or a new one; where that is refused, what is tracked goes on.
+    def start_again(self, name: str, box: Box, stamp_ns: int = 0, class_id: str = "") -> None:
+        """Track a target from another box on, or a new one, by the arguments of `start`; where that is refused, what is
+        tracked goes on.
 
         Raises:
             TrackingError, BoxError: as `start` does.
         """
-        made = self._made(name, self._checked(name, box, stamp_ns), stamp_ns)
+        made = self._made(name, self._checked(name, box, stamp_ns), stamp_ns, class_id)
         if name in self._targets or name in self.waiting_clicks:
             self.stop(name)
         self._targets[name] = made
@@ -142,7 +144,7 @@ class MultiTracker:
         box.check(self._width, self._height, f"box of target {name!r}")
         return box
 
-    def _made(self, name: str, box: Box, stamp_ns: int) -> Target | ContourTarget:
+    def _made(self, name: str, box: Box, stamp_ns: int, class_id: str = "") -> Target | ContourTarget:
         if self._contours is None:
             self._detector = self._detector or EdgeBoxes()
             return Target(name, box, stamp_ns, self._config, self._detector, self._recovery_factory)
@@ -151,7 +153,7 @@ class MultiTracker:
             box,
             stamp_ns,
             self._config,
-            self._contours,
+            self._contours.for_class(class_id),
             self._surface,
             self._recovery_factory,
             self._search_wait_s,

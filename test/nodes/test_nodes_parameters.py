@@ -88,3 +88,14 @@ def test_targets_that_cannot_be_end_the_start_with_one_line(bench, targets, reas
     assert bench.start("tracker", ros=("-p", f"targets:={targets}")).wait(timeout=60) == 2
     (line,) = [line for line in bench.log("tracker").splitlines() if line.startswith("etd_ros:")]
     assert reason in line
+
+
+def test_a_list_may_be_empty_if_it_may_have_any_length(bench):
+    bench.start("pipeline", ros=("-p", "contours.person_classes:=[]"))
+    bench.wait_until(lambda: bench.figure("pipeline", "life cycle") == "active", "it runs without classes of people")
+
+
+def test_a_list_of_so_many_numbers_may_not_be_empty(bench):
+    assert bench.start("pipeline", ros=("-p", "atsltd.nzge_interval:=[]")).wait(timeout=60) == 2
+    (line,) = [line for line in bench.log("pipeline").splitlines() if line.startswith("etd_ros:")]
+    assert "atsltd: parameter nzge_interval needs a list of 2 numbers" in line

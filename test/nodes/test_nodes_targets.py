@@ -1,14 +1,22 @@
 """Targets that cannot be started are counted, and the others are tracked; clicks, what moves, and stopping."""
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
+from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
-from vision_msgs.msg import Detection2DArray
+from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithPose
 
 from etd_ros.boxes import Box
+from etd_ros.conversion import Frame
+from etd_ros.engine import FrameSource
 from etd_ros.evaluation import read_boxes
+from etd_ros.events import concatenate
 from etd_ros.nodes.connections import FRAME_QOS
-from msg_adapters import Detection, PointMessage, decode_detections, encode_detections, encode_point
+from etd_ros.settings import Settings
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint, simulate
+from etd_ros.simulation.textures import checks, smooth_noise
+from msg_adapters import Detection, PointMessage, decode_detections, encode_detections, encode_image, encode_point
 
 CLICKS = 40
 
@@ -91,3 +99,49 @@ def test_clicks_that_start_nothing_do_not_flood_the_log(bench, repository):
     bench.wait_until(lambda: len(bench.messages["/pipeline/detections"]) > frames + 1000, "all others have waited")
     lines = [line for line in bench.log("pipeline").splitlines() if "nothing has moved there" in line]
     assert 1 <= len(lines) < CLICKS // 4
+
+
+def of_classes(name: str, box: Box, **scores: float) -> Detection2D:
+    """A box that is of several classes, each more or less surely."""
+    detection = Detection2D(id=name)
+    detection.bbox.center.position.x, detection.bbox.center.position.y = box.center
+    detection.bbox.size_x, detection.bbox.size_y = box.w, box.h
+    for class_id, score in scores.items():
+        result = ObjectHypothesisWithPose()
+        result.hypothesis.class_id, result.hypothesis.score = class_id, score
+        detection.results.append(result)
+    return detection
+
+
+def frames_of_turning_square() -> tuple[Box, list[Frame]]:
+    """A checked square that turns on its way: its box at first, and frames."""
+    rng = np.random.default_rng(5)
+    way = Path([Waypoint(t, 60 + 100 * t, 90, 1.0, 3.0 * t) for t in np.arange(0, 0.61, 0.05)])
+    square = Sprite("square", checks(rng, 36, 36, cell=9), np.ones((36, 36)), way)
+    scene = Scene(240, 180, 0.6, 0.5 + 0.05 * smooth_noise(rng, 180, 240), (square,))
+    events = concatenate(list(simulate(scene, seed=1, start_ns=1_000_000_000)))
+    return scene.box("square", 0.0), list(FrameSource("atsltd_fine", 240, 180, Settings()).frames(events))
+
+
+@pytest.mark.parametrize(("person", "is_upright"), [(0.7, True), (0.1, False)])
+def test_a_box_whose_best_class_is_a_person_is_followed_upright(bench, person, is_upright):
+    bench.listen("/tracker/detections", Detection2DArray)
+    bench.start("tracker", ros=("-p", "contours.refine_gain:=0.0"))
+    targets = bench.node.create_publisher(Detection2DArray, "/tracker/targets", FRAME_QOS)
+    images = bench.node.create_publisher(Image, "/accumulator/frames", FRAME_QOS)
+    for publisher in (targets, images):
+        bench.wait_until(lambda publisher=publisher: publisher.get_subscription_count() == 1, "it is read")
+    box, frames = frames_of_turning_square()
+    targets.publish(Detection2DArray(detections=[of_classes("square", box, car=0.2, Person=person)]))
+    bench.wait_until(lambda: bench.figure("tracker", "targets") == "1", "the box is taken")
+    # What starts it again says nothing of its class.
+    targets.publish(Detection2DArray(detections=[of_classes("square", box)]))
+    assert bench.next_figure("tracker", "targets") == bench.next_figure("tracker", "targets") == "1"
+    found = bench.messages["/tracker/detections"]
+    for number, frame in enumerate(frames, 1):
+        images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
+        bench.wait_until(lambda number=number: len(found) == number, "the frame is tracked")
+    boxes = [item.box for message in found for item in decode_detections(message).detections]
+    proportions = [box.w / box.h for box in boxes]
+    assert len(boxes) == len(frames)
+    assert (max(proportions) - min(proportions) < 1e-6) == is_upright

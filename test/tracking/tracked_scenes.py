@@ -49,11 +49,11 @@ def frames_from(events, kept=slice(None)):
     return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
 
 
-def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None):
+def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None, class_id=""):
     """(seconds, report, truth) of each frame from the start on; those that start in a span of time are missing. By
     contours alone, unless a configuration says otherwise: no network makes up for what they would do."""
     tracker = MultiTracker(WIDTH, HEIGHT, contours=config or ContourConfig(refine_gain=0.0))
-    tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9))
+    tracker.start("thing", box or scene.box("thing", start_s), START_NS + round(start_s * 1e9), class_id)
     found = []
     for frame in frames or frames_of(scene):
         if unseen_s[0] <= (frame.start_ns - START_NS) * 1e-9 < unseen_s[1]:
