@@ -46,6 +46,8 @@ BIAS_PX = 400.0
 hardly does, or a place farther along the upright edges of somebody who walks would predict what makes it better."""
 NEW_RATE = 0.05
 """How fast the model learns what a new direction of motion shows."""
+STRIDING_MIN = 1.5
+"""What is at least so many times as high as wide may be somebody who walks: a stride is no turning."""
 MOTION_MIN = 0.15
 SPEED_MIN_PX_S = 5.0
 """Slower motion has no direction that can be told from noise."""
@@ -102,6 +104,7 @@ class Contours:
         self._growth_by_flow: GrowthByFlow | None = None
         self._turning_by_flow: TurningByFlow | None = None
         self._trial: TurningTrial | None = None
+        self._may_stride = box.h > STRIDING_MIN * box.w
         self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         self._model_box = ModelBox(box.w, box.h)
@@ -454,7 +457,7 @@ class Contours:
         begins = self._turning.per_s == 0
         if not self._turning.learn(turned, elapsed_s):
             return
-        if begins:
+        if begins and self._may_stride:
             self._trial = TurningTrial(self._maps, self._norms, float(self.pose[ANGLE]), self._arm_cells)
         self.pose[ANGLE] += self.config.angle_gain * turned
         if self._trial and self._trial.fails(sight, self.cell_px, self.config.ridge_weight, elapsed_s):
