@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.tracking.contour_kernels import Float64Array
-from etd_ros.tracking.edge_flow_kernels import COLUMNS, PARTS, PARTS_TURNING, flows_of, motion_of
+from etd_ros.tracking.edge_flow_kernels import COLUMNS, PARTS, PARTS_TURNING, errors_by_edge, flows_of, motion_of
 
 FLOWS_MAX, FLOWS_MIN = 400, 20
 """More event pixels than the first are thinned out; fewer than the second tell nothing."""
@@ -22,7 +22,8 @@ FLOWS_MAX, FLOWS_MIN = 400, 20
 class EdgeFlow(NamedTuple):
     """The motion that goes best with the flow of the edges: velocity x, y (pixels/s), how fast it grows (1/s, of the
     logarithm of the scale), and the standard error of that; how far the edges' speeds usually are from it (pixels/s);
-    how fast it turns (rad/s) and the standard error of that, 0 where it may not."""
+    how fast it turns (rad/s) and the standard error of that, 0 where it may not; and the standard error of growing if
+    the flows of an edge go wrong together (`errors_by_edge`)."""
 
     velocity: Float64Array
     growing_per_s: float
@@ -30,6 +31,7 @@ class EdgeFlow(NamedTuple):
     spread_px_s: float = 0.0
     turning_rad_s: float = 0.0
     turning_error: float = 0.0
+    growing_error_by_edge: float = 0.0
 
 
 class EdgeFlows(NamedTuple):
@@ -84,7 +86,11 @@ def _flows(
 
 
 def _motion(flows: Float64Array, parts: int) -> EdgeFlow:
-    motion, error = np.zeros(parts), np.zeros(parts)
+    motion, error, by_edge = np.zeros((3, parts))
     spread_px_s = motion_of(flows, motion, error)
-    growing, *turning = zip(motion[2:].tolist(), error[2:].tolist(), strict=True)
-    return EdgeFlow(motion[:2], *growing, spread_px_s, *(turning[0] if turning else ()))
+    errors_by_edge(flows, motion, spread_px_s, by_edge)
+    _, _, *rates = zip(motion.tolist(), error.tolist(), strict=True)
+    (growing_per_s, growing_error), (turning_rad_s, turning_error) = [*rates, (0.0, 0.0)][:2]
+    return EdgeFlow(
+        motion[:2], growing_per_s, growing_error, spread_px_s, turning_rad_s, turning_error, float(by_edge[2])
+    )

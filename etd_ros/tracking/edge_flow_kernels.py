@@ -28,6 +28,9 @@ DEVIATION_OF_MEDIAN = 1.4826
 """Of normally distributed values, over the median of their sizes."""
 DEVIATION_FLOOR = 1e-6
 RIDGE = 1e-9
+DIRECTIONS = 8
+EDGES = 2 * DIRECTIONS
+"""Flows of a direction on one side of the middle are taken to be of one edge."""
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
@@ -113,25 +116,84 @@ def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) ->
     """
     count, parts = len(flows), len(motion)
     weights, strays = np.ones(count), np.empty(count)
-    rows = np.empty((count, parts))
-    rows[:, 0], rows[:, 1] = flows[:, NORMAL_X], flows[:, NORMAL_Y]
-    rows[:, 2] = flows[:, NORMAL_X] * flows[:, RIGHT] + flows[:, NORMAL_Y] * flows[:, BELOW]
-    if parts == PARTS_TURNING:
-        rows[:, 3] = flows[:, NORMAL_Y] * flows[:, RIGHT] - flows[:, NORMAL_X] * flows[:, BELOW]
+    rows = _rows(flows, parts)
     deviation = 0.0
     for _ in range(ROUNDS):
         squares, sums = RIDGE * np.eye(parts), np.zeros(parts)
         for i in range(count):
-            for j in range(parts):
-                sums[j] += weights[i] * rows[i, j] * flows[i, SPEED]
-                for k in range(parts):
-                    squares[j, k] += weights[i] * rows[i, j] * rows[i, k]
+            _add(rows[i], weights[i], flows[i, SPEED], squares, sums)
         inverse = np.linalg.inv(squares)
         motion[:] = inverse @ sums
         strays[:] = flows[:, SPEED] - rows @ motion
         deviation = DEVIATION_OF_MEDIAN * np.median(np.abs(strays)) + DEVIATION_FLOOR
         for i in range(count):
-            weights[i] = 1 / (1 + (strays[i] / (STRAYING * deviation)) ** 2) ** 2
+            weights[i] = _weight(strays[i], deviation)
         for j in range(parts):
             error[j] = deviation * np.sqrt(inverse[j, j])
     return float(deviation)
+
+
+@njit(cache=True, nogil=True)
+def errors_by_edge(flows: Float64Array, motion: Float64Array, deviation: float, error: Float64Array) -> None:
+    """How far the motion with which the flows go best would be another without one of the edges, into `error`, shape
+    as `motion`: the jackknife over edges. What a single edge decides is not known, however many flows it has, as they
+    go wrong together.
+
+    Args:
+        flows: as `flows_of` makes them.
+        motion: that with which they go best.
+        deviation: how far their speeds usually are from it (pixels/s).
+        error: is filled.
+    """
+    parts = len(motion)
+    rows = _rows(flows, parts)
+    squares, sums = np.zeros((EDGES, parts, parts)), np.zeros((EDGES, parts))
+    counts = np.zeros(EDGES)
+    strays = flows[:, SPEED] - rows @ motion
+    for i in range(len(flows)):
+        edge, weight = _edge(flows[i]), _weight(strays[i], deviation)
+        _add(rows[i], weight, flows[i, SPEED], squares[edge], sums[edge])
+        counts[edge] += 1
+    edges = np.count_nonzero(counts)
+    error[:] = 0
+    for edge in range(EDGES):
+        if counts[edge]:
+            others = RIDGE * np.eye(parts) + squares[:edge].sum(axis=0) + squares[edge + 1 :].sum(axis=0)
+            without = np.linalg.inv(others) @ (sums[:edge].sum(axis=0) + sums[edge + 1 :].sum(axis=0))
+            error += (without - motion) ** 2
+    error[:] = np.sqrt(error * (edges - 1) / edges)
+
+
+@njit(cache=True, nogil=True)
+def _rows(flows: Float64Array, parts: int) -> Float64Array:
+    """By how much an edge is faster for each unit of each part of the motion, shape (flows, parts)."""
+    rows = np.empty((len(flows), parts))
+    rows[:, 0], rows[:, 1] = flows[:, NORMAL_X], flows[:, NORMAL_Y]
+    rows[:, 2] = flows[:, NORMAL_X] * flows[:, RIGHT] + flows[:, NORMAL_Y] * flows[:, BELOW]
+    if parts == PARTS_TURNING:
+        rows[:, 3] = flows[:, NORMAL_Y] * flows[:, RIGHT] - flows[:, NORMAL_X] * flows[:, BELOW]
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def _add(row: Float64Array, weight: float, speed_px_s: float, squares: Float64Array, sums: Float64Array) -> None:
+    """Add a flow to the sums of least squares."""
+    for j in range(len(row)):
+        sums[j] += weight * row[j] * speed_px_s
+        for k in range(len(row)):
+            squares[j, k] += weight * row[j] * row[k]
+
+
+@njit(cache=True, nogil=True)
+def _weight(stray_px_s: float, deviation_px_s: float) -> float:
+    """How much a flow counts that strays by so much."""
+    return float((1 + (stray_px_s / (STRAYING * deviation_px_s)) ** 2) ** -2)
+
+
+@njit(cache=True, nogil=True)
+def _edge(flow: Float64Array) -> int:
+    """Which edge a flow is taken to be of: one of a direction, ahead or behind."""
+    turns = np.arctan2(flow[NORMAL_Y], flow[NORMAL_X]) / (2 * np.pi)
+    direction = int(np.floor(turns * DIRECTIONS + 0.5)) % DIRECTIONS
+    is_ahead = flow[NORMAL_X] * flow[RIGHT] + flow[NORMAL_Y] * flow[BELOW] > 0
+    return 2 * direction + int(is_ahead)

@@ -57,7 +57,9 @@ def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float
     """
     growing_per_s = flow.growing_per_s
     has_moved = abs(growing_per_s) * arm_px * time_s >= START_MOVED_PX
-    if not has_moved or abs(growing_per_s) < START_ERRORS * flow.growing_error:
+    # Few edges may go wrong together, however many flows they have.
+    error_per_s = max(flow.growing_error, flow.growing_error_by_edge)
+    if not has_moved or abs(growing_per_s) < START_ERRORS * error_per_s:
         return 0.0, 0.0
     share = 1 / (1 + (_error(flow) / START_USUAL_PER_S) ** 2)
     return (share * growing_per_s, share) if share > START_SHARE_MIN else (0.0, 0.0)
@@ -103,20 +105,21 @@ class GrowthByFlow:
         """The flow of a target's edges, if it can be believed."""
         x, y = place.tolist()
         flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y)
-        if flow is None or flow.growing_error > ERROR_MAX_PER_S or not _stands_alone(surface, box, span_s):
+        if flow is None or flow.growing_error > ERROR_MAX_PER_S or not stands_alone(surface, box, span_s):
             return None
         return flow
 
 
-def _stands_alone(surface: TimeSurface, box: Box, span_s: float) -> bool:
-    """Whether there are few events round a box beside those in it."""
+def stands_alone(surface: TimeSurface, box: Box, span_s: float, around_max: float = RING_MAX) -> bool:
+    """Whether there are few events of the last `span_s` round a box: for each pixel at most so many times as many as in
+    it."""
     own = surface.window(box, 0.0)
     within, wide = (surface.window(box.scaled(RING_SCALE), margin) for margin in (0.0, RING_PX))
     (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
         (surface.count(window, span_s), _pixels(window)) for window in (own, within, wide)
     )
     around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
-    return around <= RING_MAX * events / max(1, pixels)
+    return around <= around_max * events / max(1, pixels)
 
 
 def _pixels(window: Window) -> int:

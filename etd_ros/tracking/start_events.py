@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from etd_ros.tracking.contour_kernels import AGE, Float32Array
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, X, Y
 
 EVENTS_MAX = 12_000
 """Where there are more, every second one is left out, again and again: what moves has fewer, what flickers has hundreds
 of thousands before its start is over, and each look would go through all of them dozens of times."""
+SOME_EVENTS_MAX = 2000
+"""Of more events every second, third, ... is enough to tell a target's from others, and to find what is fast."""
+PIXELS_MAX = 65536
+"""More than a sensor has along a side."""
 
 
 class StartEvents:
@@ -46,3 +51,31 @@ class StartEvents:
         while sum(map(len, self._of_looks)) > EVENTS_MAX:
             self._of_looks = [of_look[::2] for of_look in self._of_looks]
             self._stride *= 2
+
+
+def some_of(values: Float32Array) -> Float32Array:
+    """Values of every event, or of every second, third, ... where there are more than SOME_EVENTS_MAX."""
+    return np.ascontiguousarray(values[:: 1 + len(values) // SOME_EVENTS_MAX])
+
+
+def shares_of_pixels(events: Float32Array) -> Float32Array:
+    """What each event counts, shape (n,), so that those of a pixel count as one together."""
+    _, pixels, counts = np.unique(_pixel_numbers(events), return_inverse=True, return_counts=True)
+    return np.asarray(1 / counts[pixels], np.float32)
+
+
+def as_looks_see(events: Float32Array, window_s: float) -> Float32Array:
+    """The newest event of each pixel and polarity in each window of time, counted back from the newest of all.
+
+    That is what a look has of them: where an edge makes several events in a pixel the last, behind its middle. A model
+    of all events would be found ahead of where it lies.
+    """
+    newest_first = events[np.argsort(events[:, AGE], kind="stable")]
+    windows = ((newest_first[:, AGE] - newest_first[:1, AGE]) / window_s).astype(np.int64)
+    key = (windows * PIXELS_MAX**2 + _pixel_numbers(newest_first)) * 2 + (newest_first[:, POLARITY] > 0)
+    return np.ascontiguousarray(newest_first[np.unique(key, return_index=True)[1]])
+
+
+def _pixel_numbers(events: Float32Array) -> npt.NDArray[np.int64]:
+    """A number for each event's pixel, shape (n,)."""
+    return events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)

@@ -7,15 +7,14 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
 from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
 from etd_ros.tracking.contours import BORDER_CELLS, Contours
-from etd_ros.tracking.edge_flow import EdgeFlows
-from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start
-from etd_ros.tracking.start_events import StartEvents
+from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
+from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start, stands_alone
+from etd_ros.tracking.start_events import StartEvents, as_looks_see, shares_of_pixels, some_of
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 from etd_ros.tracking.turning import Turned, turning_at_start
@@ -51,8 +50,12 @@ REST_WEIGHT = 0.1
 """How much coherence a pixel of motion since the start has to bring, over the root of the number of events: of few,
 some motion always agrees better than the right one."""
 LOOKS_KNOWN = 10
+GROWTH_SHARES = 0.25, 0.5, 0.75, 1.0
+"""So much is tried of the growth that a flow is believed to have."""
 TURNING_AGREES = 0.9
 """With turning its events have to agree so many times as well as with the best motion along."""
+SHAPE_AROUND_MAX = 0.04
+"""Where more is round a box, for each pixel, the events in its corners may be of that, too."""
 PARTS = 4
 """The time so far is taken in so many parts, whose events have to agree."""
 CELL = 1.5
@@ -61,8 +64,6 @@ GRID_MARGIN = 1.5
 """Width and height of the start-up's grid in those of the box: it holds a ring of what lies round the target."""
 APART_PX = 3.0
 """After so much motion, events that move like the ring can be told from the target's."""
-SOME_EVENTS_MAX = 2000
-"""Of more events every second, third, ... is enough for that, and for finding what is fast."""
 RING_FITS = 2
 APART_ROUNDS = 3
 BEHIND_WEIGHT = 0.7
@@ -70,8 +71,6 @@ BEHIND_WEIGHT = 0.7
 AGREED_FLOOR = 0.1
 NEXT_STEPS = np.array([(right, down) for down in (-1, 0, 1) for right in (-1, 0, 1)])
 """To a velocity itself and to those round it."""
-PIXELS_MAX = 65536
-"""More than a sensor has along a side."""
 
 
 class _Motion(NamedTuple):
@@ -196,7 +195,7 @@ class StartUp:
             # So far the surface was kept up to date where it was believed.
             contours.keep(surface)
         if is_over:
-            self._finish(events, moved)
+            self._finish(events, moved, surface)
         return is_over
 
     def _outline_px_s(self) -> tuple[float, float]:
@@ -219,8 +218,32 @@ class StartUp:
         if turned is not None:
             contours.velocity, self._turning_rad_s, self._growing_per_s = turned
         elif contours.config.scale_gain > 0:
-            self._growing_per_s, share = growth_at_start(flows.along, self._arm_px, time_s)
-            contours.velocity = contours.velocity + share * (flows.along.velocity - contours.velocity)
+            contours.velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
+
+    def _grown(self, flow: EdgeFlow, place: Float64Array, events: Float32Array, time_s: float, span_s: float) -> Turned:
+        """How the target has grown for this time (s) by the flow of its edges round a place (pixels) in the last
+        `span_s`: as far as the flow is believed, and as far as its events agree the better."""
+        velocity = self._contours.velocity
+        best, agreement = Turned(velocity, 0.0, 0.0), self._agreement
+        _, believed = growth_at_start(flow, self._arm_px, time_s)
+        if believed == 0 or len(events) < EVENTS_MIN:
+            return best
+        for tried in GROWTH_SHARES:
+            share = tried * believed
+            part = flow._replace(velocity=velocity + share * (flow.velocity - velocity))
+            grown = Turned.of_flow(part, share * flow.growing_per_s, self._pose[:2], place, time_s - span_s / 2)
+            agrees = self._agreement_of(grown, events, time_s)
+            if agrees > agreement:
+                best, agreement = grown, agrees
+        return best
+
+    def _agreement_of(self, turned: Turned, events: Float32Array, time_s: float) -> float:
+        """How well the target's events agree with one another if it has turned and grown so for this time (s)."""
+        undone, everything = turned.undone(events, self._pose[:2]), np.ones(len(events), np.float32)
+        agreement = self._motion(undone, time_s, everything, self._weight, np.zeros(2)).agreement
+        arm_px = self._arm_px
+        speed_px_s = math.hypot(*turned.velocity, turned.turning_rad_s * arm_px, turned.growing_per_s * arm_px)
+        return agreement * _not_by_chance(len(events), speed_px_s, time_s)
 
     def _turned(
         self, flows: EdgeFlows, place: Float64Array, events: Float32Array, time_s: float, span_s: float
@@ -235,10 +258,7 @@ class StartUp:
         flow, grows = flows.turning, self._contours.config.scale_gain > 0
         growing_per_s = growth_at_start(flow, self._arm_px, time_s)[0] if grows else 0.0
         turned = Turned.of_flow(flow, growing_per_s, self._pose[:2], place, time_s - span_s / 2)
-        undone, everything = turned.undone(events, self._pose[:2]), np.ones(len(events), np.float32)
-        agreement = self._motion(undone, time_s, everything, self._weight, np.zeros(2)).agreement
-        speed_px_s = math.hypot(*turned.velocity, rate * self._arm_px)
-        if agreement * _not_by_chance(len(events), speed_px_s, time_s) < TURNING_AGREES * self._agreement:
+        if self._agreement_of(turned, events, time_s) < TURNING_AGREES * self._agreement:
             return None
         self._seen_turning = rate
         return turned if before * rate > 0 else None
@@ -263,7 +283,7 @@ class StartUp:
         if not candidates:
             return False
         events = self._surroundings.events
-        some = _some_of(events)
+        some = some_of(events)
         everything = np.ones(len(some), np.float32)
         velocity = self._best_of(some, time_s, everything, candidates).velocity
         # The larger the box, the farther apart they are.
@@ -286,8 +306,8 @@ class StartUp:
         """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been
         believed for APART_PX."""
         velocity = ring = self._contours.velocity
-        events = _some_of(events)
-        of_pixel = _shares_of_pixels(events)
+        events = some_of(events)
+        of_pixel = shares_of_pixels(events)
         for _ in range(RING_FITS):
             ring = self._coherent(events, time_s, of_pixel, self._ring, ring).velocity
         behind = self._agreements(events, time_s, ring)
@@ -317,7 +337,7 @@ class StartUp:
     def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array, near: _Motion) -> _Motion:
         """The motion of the greatest coherence within FAST_STEPS steps of the velocity believed so far, or the best
         near that if none of them agrees better than it."""
-        so_far, some, shares_of_some = self._contours.velocity, _some_of(events), _some_of(shares)
+        so_far, some, shares_of_some = self._contours.velocity, some_of(events), some_of(shares)
         steps = range(-FAST_STEPS, FAST_STEPS + 1)
         offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
         velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
@@ -354,17 +374,20 @@ class StartUp:
         )  # fmt: skip
         return agreed
 
-    def _finish(self, events: Float32Array, moved_px: float) -> None:
+    def _finish(self, events: Float32Array, moved_px: float, surface: TimeSurface) -> None:
         contours = self._contours
         right, down = contours.velocity.tolist()
         around_px_s, outward_px_s = self._outline_px_s()
         speed_px_s = math.hypot(right, down, around_px_s, outward_px_s)
-        seen = _as_looks_see(events, contours.config.window_px / max(speed_px_s, 1e-3))
+        window_s = contours.config.window_px / max(speed_px_s, 1e-3)
+        seen = as_looks_see(events, window_s)
         motion = contours.motion
         if around_px_s != 0:
             turned = Turned(contours.velocity, self._turning_rad_s, self._growing_per_s)
             seen, motion = turned.undone(seen, self._pose[:2]), np.zeros(4)
             contours.take_shape(seen[:, :2] - self._pose[:2])
+        elif not contours.is_fast and stands_alone(surface, contours.box, window_s, SHAPE_AROUND_MAX):
+            contours.take_shape(seen[:, :2] + np.outer(seen[:, AGE], contours.velocity) - self._pose[:2])
         splat(seen, len(seen), self._pose, contours.cell_px, motion, contours.drawn)
         outline = np.array([right, down, around_px_s, outward_px_s])
         direction = outline / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
@@ -381,31 +404,3 @@ def _not_by_chance(events: int, speed_px_s: float, time_s: float) -> float:
     """The share of the agreement of so many events, for a motion at this speed since the start, that chance does not
     bring."""
     return math.exp(-(REST_WEIGHT / math.sqrt(events) * speed_px_s * time_s))
-
-
-def _some_of(values: Float32Array) -> Float32Array:
-    """Values of every event, or of every second, third, ... where there are more than SOME_EVENTS_MAX."""
-    return np.ascontiguousarray(values[:: 1 + len(values) // SOME_EVENTS_MAX])
-
-
-def _pixel_numbers(events: Float32Array) -> npt.NDArray[np.int64]:
-    """A number for each event's pixel, shape (n,)."""
-    return events[:, Y].astype(np.int64) * PIXELS_MAX + events[:, X].astype(np.int64)
-
-
-def _shares_of_pixels(events: Float32Array) -> Float32Array:
-    """What each event counts, shape (n,), so that those of a pixel count as one together."""
-    _, pixels, counts = np.unique(_pixel_numbers(events), return_inverse=True, return_counts=True)
-    return np.asarray(1 / counts[pixels], np.float32)
-
-
-def _as_looks_see(events: Float32Array, window_s: float) -> Float32Array:
-    """The newest event of each pixel and polarity in each window of time, counted back from the newest of all.
-
-    That is what a look has of them: where an edge makes several events in a pixel the last, behind its middle. A model
-    of all events would be found ahead of where it lies.
-    """
-    newest_first = events[np.argsort(events[:, AGE], kind="stable")]
-    windows = ((newest_first[:, AGE] - newest_first[:1, AGE]) / window_s).astype(np.int64)
-    key = (windows * PIXELS_MAX**2 + _pixel_numbers(newest_first)) * 2 + (newest_first[:, POLARITY] > 0)
-    return np.ascontiguousarray(newest_first[np.unique(key, return_index=True)[1]])

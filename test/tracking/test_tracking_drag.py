@@ -26,7 +26,7 @@ def test_a_model_is_drawn_at_the_start_from_what_looks_will_see_of_the_target(mo
     scene = Scene(WIDTH, HEIGHT, 1.0, wall, (Sprite("thing", soft, np.ones((SIZE, SIZE)), Path(ways)),))
     frames = frames_of(scene)
     assert lag_px(scene, frames, 0.2) < 0.5
-    monkeypatch.setattr(start_up, "_as_looks_see", lambda events, window_s: events)
+    monkeypatch.setattr(start_up, "as_looks_see", lambda events, window_s: events)
     assert lag_px(scene, frames, 0.2) > 0.7
 
 
@@ -94,7 +94,7 @@ def test_the_size_of_what_is_covered_is_not_fitted(monkeypatch):
         self.covered = 1.0
 
     monkeypatch.setattr(memories.CellTrust, "weigh", say_covered)
-    assert growth() == pytest.approx(1.0, rel=0.01)
+    assert growth() == pytest.approx(1.0, rel=0.02)
 
 
 def test_what_was_covered_is_looked_for_by_all_of_it(monkeypatch):

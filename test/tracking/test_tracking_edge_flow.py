@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from etd_ros.tracking.edge_flow import FLOWS_MIN, edge_flow, edge_flows
-from etd_ros.tracking.edge_flow_kernels import COLUMNS, flows_of, motion_of
+from etd_ros.tracking.edge_flow_kernels import COLUMNS, errors_by_edge, flows_of, motion_of
 from etd_ros.tracking.surface import NEVER_NS
 
 HEIGHT, WIDTH = 80, 100
@@ -154,3 +154,36 @@ def test_the_motion_is_that_of_weighted_least_squares(parts):
     assert motion == pytest.approx((30.0, -20.0, 1.2, -2.0)[:parts], rel=0.05)
     assert (error > 0).all()
     assert np.abs(motion - (30.0, -20.0, 1.2, -2.0)[:parts]) == pytest.approx(0, abs=float(5 * error.max()))
+
+
+def test_errors_by_edge_are_those_of_a_jackknife_over_edges():
+    rng = np.random.default_rng(6)
+    towards = rng.integers(0, 5, 200) * (2 * np.pi / 5) + 0.2
+    normals = np.column_stack([np.cos(towards), np.sin(towards)])
+    places = 10 * normals + rng.normal(0, 0.5, (200, 2))
+    rows = np.column_stack([normals, (normals * places).sum(axis=1)])
+    speeds_px_s = rows @ (0.0, 0.0, 4.0) + rng.normal(0, 1.0, 200) + 3.0 * (towards < 1)
+    flows = np.column_stack([normals, speeds_px_s, places])
+    motion, error, by_edge = np.zeros((3, 3))
+    spread_px_s = motion_of(flows, motion, error)
+    errors_by_edge(flows, motion, spread_px_s, by_edge)
+    weights = 1 / (1 + ((speeds_px_s - rows @ motion) / (2 * spread_px_s)) ** 2) ** 2
+    changes = []
+    for angle in np.unique(towards):
+        left = rows[towards != angle] * np.sqrt(weights[towards != angle, None])
+        without, *_ = np.linalg.lstsq(left, speeds_px_s[towards != angle] * np.sqrt(weights[towards != angle]))
+        changes.append(without - motion)
+    assert by_edge == pytest.approx(np.sqrt(4 / 5 * np.square(changes).sum(axis=0)), rel=1e-4)
+    assert (by_edge > 2 * error).all()
+
+
+def test_growth_that_one_edge_of_three_decides_is_as_unsure_as_it_is_large():
+    towards = np.repeat([0.3, 2.5, 4.4], 60)
+    normals = np.column_stack([np.cos(towards), np.sin(towards)])
+    speeds_px_s = normals @ (30.0, 10.0) + np.repeat([20.0, 0.0, 0.0], 60)
+    noise_px_s, noise_px = np.random.default_rng(2).normal(0, 0.1, (2, 180))
+    flows = np.column_stack([normals, speeds_px_s + noise_px_s, normals * (10 + noise_px[:, None])])
+    motion, error, by_edge = np.zeros((3, 3))
+    errors_by_edge(flows, motion, motion_of(flows, motion, error), by_edge)
+    assert motion[2] > 100 * error[2]
+    assert by_edge[2] > 0.5 * motion[2]

@@ -1,11 +1,12 @@
 """What comes nearer or goes away is followed by a box that grows and shrinks with it."""
 
+import cv2
 import numpy as np
 import pytest
 from tracked_scenes import frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.simulation import Scene, SensorConfig, Sprite, Waypoint
+from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, Waypoint
 from etd_ros.tracking import ContourConfig, TargetState
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.growth import (
@@ -87,6 +88,28 @@ def test_a_start_takes_a_flow_that_is_unsure_or_of_hardly_any_motion_for_none():
     assert growth_at_start(flow(1.5, 0.5), 20.0, 0.1) == (0.0, 0.0)
     assert growth_at_start(flow(1.5), 20.0, START_MOVED_PX / 20 / 1.6) == (0.0, 0.0)
     assert growth_at_start(flow(10.0, 2.0), 20.0, 0.1) == (0.0, 0.0)
+
+
+def test_a_start_takes_growth_that_a_single_edge_decides_for_none():
+    sure = flow(1.5)
+    assert growth_at_start(sure._replace(growing_error_by_edge=0.3), 20.0, 0.1) == growth_at_start(sure, 20.0, 0.1)
+    assert growth_at_start(sure._replace(growing_error_by_edge=0.5), 20.0, 0.1) == (0.0, 0.0)
+
+
+def triangle_moving(velocity_px_s):
+    """A dark one, of three edges."""
+    mask = np.zeros((24, 24))
+    cv2.fillPoly(mask, [np.array([(12, 0), (23, 23), (0, 23)])], 1.0)
+    right, down = velocity_px_s
+    way = [Waypoint(0, 100, 80), Waypoint(0.5, 100 + 0.5 * right, 80 + 0.5 * down)]
+    triangle = Sprite("thing", np.full((24, 24), 0.1), mask, Path(way))
+    return Scene(240, 180, 0.5, np.full((180, 240), 0.8), (triangle,))
+
+
+@pytest.mark.parametrize("velocity_px_s", [(50, 0), (25, 43)])
+def test_what_has_three_edges_and_moves_along_is_not_taken_to_grow(velocity_px_s):
+    sides = [report.box.w / truth.w for _, report, truth in tracked(triangle_moving(velocity_px_s), start_s=0.02)]
+    assert 0.95 < min(sides) <= max(sides) < 1.1
 
 
 class FlowingSurface:

@@ -9,10 +9,11 @@ from tracked_scenes import overlap, scene_of, tracked
 from etd_ros.boxes import Box
 from etd_ros.simulation import Scene, Sprite, Waypoint
 from etd_ros.simulation.things import dartboard
-from etd_ros.tracking import ContourConfig, TargetState
+from etd_ros.tracking import ContourConfig, TargetState, contours
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import START_MOVED_PX
 from etd_ros.tracking.turning import ERROR_MAX_RAD_S, MEASURE_S, Turned, TurningByFlow, turning_at_start
+from etd_ros.tracking.turning_trial import TurningTrial
 
 DURATION_S = 0.8
 X, Y = 120.0, 90.0
@@ -52,6 +53,28 @@ def test_the_box_of_a_disc_stays_as_it_is_while_it_turns():
     texture, opacity = dartboard(np.random.default_rng(3), 40)
     disc = Sprite("thing", texture, opacity, scene.sprites[0].path)
     assert min(overlaps_at_the_end(Scene(scene.width, scene.height, DURATION_S, scene.background, (disc,)))) > 0.8
+
+
+@pytest.mark.parametrize("moves_px_s", [40.0, 80.0])
+def test_the_box_of_what_is_found_to_turn_later_is_that_of_the_shape_seen_at_its_start(moves_px_s):
+    assert np.mean(overlaps_at_the_end(turning(lambda t: 0.8 * t, moves_px_s=moves_px_s))) > 0.8
+
+
+@pytest.mark.parametrize(("width", "strides"), [(36, False), (20, True)])
+def test_turning_is_doubted_of_what_is_as_high_as_somebody_who_strides(monkeypatch, width, strides):
+    made = []
+
+    class Noted(TurningTrial):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            made.append(self)
+
+    monkeypatch.setattr(contours, "TurningTrial", Noted)
+    scene = turning(lambda t: 0.8 * t, moves_px_s=40.0)
+    (square,) = scene.sprites
+    thing = Sprite("thing", square.texture[:, :width], np.ones((36, width)), square.path)
+    tracked(Scene(scene.width, scene.height, DURATION_S, scene.background, (thing,)), start_s=0.02)
+    assert bool(made) == strides
 
 
 def test_a_model_that_is_kept_upright_does_not_turn():
