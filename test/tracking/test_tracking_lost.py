@@ -92,7 +92,7 @@ def test_a_target_that_is_hidden_before_a_look_is_known_is_found_where_its_motio
 
 def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch):
     # Several, as a rounding may decide over one.
-    seeds = 3, 17
+    seeds = 70, 85
     found = mean_overlap("panel", seeds)
     assert found > 0.8
     monkeypatch.setattr(contour_search, "ELSEWHERE_MAX", math.inf)
