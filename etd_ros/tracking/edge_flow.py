@@ -23,7 +23,7 @@ class EdgeFlow(NamedTuple):
     """The motion that goes best with the flow of the edges: velocity x, y (pixels/s), how fast it grows (1/s, of the
     logarithm of the scale), and the standard error of that; how far the edges' speeds usually are from it (pixels/s);
     how fast it turns (rad/s) and the standard error of that, 0 where it may not; and the standard error of growing if
-    the flows of an edge go wrong together (`errors_by_edge`)."""
+    the flows of an edge go wrong together (`errors_by_edge`), 0 where that was not asked for."""
 
     velocity: Float64Array
     growing_per_s: float
@@ -75,7 +75,9 @@ def edge_flows(
     """How the edges in a window move if they may not turn round the place, and if they may; the arguments are those of
     `edge_flow`."""
     flows = _flows(times, now_ns, span_s, window, x, y)
-    return None if len(flows) < FLOWS_MIN else EdgeFlows(_motion(flows, PARTS), _motion(flows, PARTS_TURNING))
+    if len(flows) < FLOWS_MIN:
+        return None
+    return EdgeFlows(_motion(flows, PARTS, by_edge=True), _motion(flows, PARTS_TURNING, by_edge=True))
 
 
 def _flows(
@@ -85,12 +87,14 @@ def _flows(
     return flows[: flows_of(times, now_ns, now_ns - int(span_s * 1e9), *window, x, y, flows)]
 
 
-def _motion(flows: Float64Array, parts: int) -> EdgeFlow:
-    motion, error, by_edge = np.zeros((3, parts))
+def _motion(flows: Float64Array, parts: int, *, by_edge: bool = False) -> EdgeFlow:
+    """The motion of flows, of so many parts; with the error of growing by whole edges where that is asked for."""
+    motion, error, error_by_edge = np.zeros((3, parts))
     spread_px_s = motion_of(flows, motion, error)
-    errors_by_edge(flows, motion, spread_px_s, by_edge)
+    if by_edge:
+        errors_by_edge(flows, motion, spread_px_s, error_by_edge)
     _, _, *rates = zip(motion.tolist(), error.tolist(), strict=True)
     (growing_per_s, growing_error), (turning_rad_s, turning_error) = [*rates, (0.0, 0.0)][:2]
     return EdgeFlow(
-        motion[:2], growing_per_s, growing_error, spread_px_s, turning_rad_s, turning_error, float(by_edge[2])
+        motion[:2], growing_per_s, growing_error, spread_px_s, turning_rad_s, turning_error, float(error_by_edge[2])
     )
