@@ -61,7 +61,8 @@ class BoxRefinement:
         own looks have kept: more would bring old events into those."""
         if not _takes_all_on(contours):
             return
-        around = contours.box_at(*contours.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
+        body = contours.body
+        around = body.box_at(*body.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
         surface.keep(surface.window(around, 0.0))
 
     def take(self, contours: Contours, surface: TimeSurface) -> None:
@@ -72,12 +73,12 @@ class BoxRefinement:
                 return
             self._first = contours.usual_maps()
         elapsed_s = (surface.stamp_ns - self._stamp_ns) * 1e-9
-        speed_px_s = contours.speed_px_s
+        speed_px_s = contours.body.speed_px_s
         if speed_px_s <= SPEED_MIN_PX_S or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
             return
         takes_all_on = _takes_all_on(contours)
         # Beyond the border nothing is seen.
-        if surface.inside_px(contours.box) < (0.0 if takes_all_on else SLOW_MARGIN_PX):
+        if surface.inside_px(contours.body.box) < (0.0 if takes_all_on else SLOW_MARGIN_PX):
             return
         self._stamp_ns = surface.stamp_ns
         view = self._view(contours, surface, self._first)
@@ -94,10 +95,10 @@ class BoxRefinement:
         self._start_ns = self._stamp_ns = stamp_ns
 
     def _view(self, contours: Contours, surface: TimeSurface, first: Float32Array) -> BoxView:
-        box = contours.box
+        body, box = contours.body, contours.body.box
         motion_px = max(SPAN_PX, SPAN_SHARE * math.sqrt(box.w * box.h))
         shortest_s, longest_s = SPAN_S
-        span_s = min(max(motion_px / contours.speed_px_s, shortest_s), longest_s)
+        span_s = min(max(motion_px / body.speed_px_s, shortest_s), longest_s)
         points, count = surface.points(surface.window(box.scaled(VIEW_MARGIN), 0), span_s)
         usual = np.empty((3, CELLS, CELLS), np.float32)
         contours.draw_usual(usual, USUAL_SPAN)
@@ -109,18 +110,19 @@ class BoxRefinement:
             points=points[:count],
             span_s=span_s,
             box=box,
-            velocity=contours.velocity,
+            velocity=body.velocity,
             usual=usual,
             first=was,
             sensor=(surface.width, surface.height),
             age_s=(surface.stamp_ns - self._start_ns) * 1e-9,
-            growing_per_s=contours.growing_per_s,
+            growing_per_s=body.growing.per_s,
         )
 
 
 def _takes_all_on(contours: Contours) -> bool:
     """Whether a target is so fast that all that the network says of its box is taken on."""
-    return contours.speed_px_s > SPEED_MIN_PX_S and contours.sizes_per_s > contours.config.refine_sizes_per_s
+    body = contours.body
+    return body.speed_px_s > SPEED_MIN_PX_S and body.sizes_per_s > contours.config.refine_sizes_per_s
 
 
 def _beyond_spreads(misfit: BoxMisfit) -> Float32Array:

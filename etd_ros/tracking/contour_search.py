@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from etd_ros.tracking.body import Standing, moved_on
 from etd_ros.tracking.contour_kernels import Float64Array
-from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours, Look
+from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours
 from etd_ros.tracking.expected_place import (
     AGREEING_LOOKS,
     AGREEING_NS,
@@ -17,6 +18,7 @@ from etd_ros.tracking.expected_place import (
     ExpectedPlace,
     confidence_if_turned,
 )
+from etd_ros.tracking.look import Look
 from etd_ros.tracking.standing_out import share_elsewhere
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
@@ -50,31 +52,6 @@ INWARD_SHARE, INWARD_S = 0.3, 0.01
 """So much of its motion is away from the border: a camera that turns brings things in along it, too."""
 
 
-def _moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:
-    """Where a motion (pixels/s) has brought a place (pixels) after a time (ns)."""
-    right, down = velocity.tolist()
-    return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """Where a target stood: at stamp_ns its pose and velocity, as those of `Contours`."""
-
-    stamp_ns: int
-    pose: Float64Array
-    velocity: Float64Array
-
-    @classmethod
-    def of(cls, contours: Contours) -> Standing:
-        """Where it stands now."""
-        return cls(contours.stamp_ns, contours.pose.copy(), contours.velocity.copy())
-
-    def predicted(self, stamp_ns: int) -> tuple[float, float]:
-        """Where its centre is at a time (ns), if the motion goes on (pixels)."""
-        x, y = self.pose[:2].tolist()
-        return _moved_on(x, y, self.velocity, stamp_ns - self.stamp_ns)
-
-
 @dataclass(frozen=True, slots=True)
 class _Seen:
     """A look that may be of the target: its time (ns), place (pixels), the velocity there, how sure it is, and how sure
@@ -88,7 +65,7 @@ class _Seen:
     confidence_if_turned: float
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
-        return _moved_on(self.x, self.y, self.velocity, stamp_ns - self.stamp_ns)
+        return moved_on(self.x, self.y, self.velocity, stamp_ns - self.stamp_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +112,7 @@ class ContourSearch:
         """Begin a search.
 
         Args:
-            contours: model and pose of the target; the search moves its pose.
+            contours: of the target; the search moves their body.
             surface: the events.
             usual: what looks at the target usually say.
             before: where it stood when it was seen last.
@@ -173,27 +150,27 @@ class ContourSearch:
 
     def coast(self) -> None:
         """Move the pose on with the last velocity, for a while and not beyond the sensor."""
-        contours, surface = self._contours, self._surface
+        body, surface = self._contours.body, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        contours.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
-        contours.velocity[:] = self._before.velocity
-        contours.stamp_ns = surface.stamp_ns
+        body.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
+        body.velocity[:] = self._before.velocity
+        body.stamp_ns = surface.stamp_ns
 
     def keep(self) -> None:
         """Keep the surface up to date where the next looks may be; what is found at a region's edge is compared with
         places beyond, of which fewer events are known then."""
         for place in self._places():
-            box = self._contours.box_at(place.x, place.y).scaled(MARGIN)
+            box = self._contours.body.box_at(place.x, place.y).scaled(MARGIN)
             self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
 
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
-        stamp_ns = self._surface.stamp_ns
+        stamp_ns, body = self._surface.stamp_ns, self._contours.body
         if self._is_expected_on_sensor():
             look = self._expected.found()
-            if look is not None and self._is_alone(look, self._contours.velocity, ELSEWHERE_EXPECTED_MAX):
-                self._contours.pose[:2] = look.x, look.y
+            if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX):
+                body.pose[:2] = look.x, look.y
                 self.is_unsettled = False
                 return True
         if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else SEARCH_NS):
@@ -214,8 +191,8 @@ class ContourSearch:
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
                 self._look_elsewhere()
             return False
-        self._contours.pose[:2] = look.x, look.y
-        self._contours.velocity[:] = self._path[-1].velocity
+        body.pose[:2] = look.x, look.y
+        body.velocity[:] = self._path[-1].velocity
         return True
 
     def _is_it(self, look: Look) -> bool:
@@ -229,17 +206,17 @@ class ContourSearch:
         """Whether the candidate moves inwards from the border."""
         seen = self._path[-1]
         soon_ns = seen.stamp_ns + round(INWARD_S * 1e9)
-        here, soon = (self._contours.box_at(*seen.predicted(stamp_ns)) for stamp_ns in (seen.stamp_ns, soon_ns))
+        here, soon = (self._contours.body.box_at(*seen.predicted(stamp_ns)) for stamp_ns in (seen.stamp_ns, soon_ns))
         inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
         return inwards_px > INWARD_SHARE * float(np.hypot(*seen.velocity)) * INWARD_S
 
     def _is_alone(self, look: Look, velocity: Float64Array, elsewhere_max: float) -> bool:
         """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""
-        contours = self._contours
-        pose, before = contours.pose.copy(), contours.velocity.copy()
-        contours.pose[:2], contours.velocity[:] = (look.x, look.y), velocity
-        elsewhere = share_elsewhere(contours, self._surface, self._usual, look.x, look.y, elsewhere_max)
-        contours.pose[:], contours.velocity[:] = pose, before
+        body = self._contours.body
+        pose, before = body.pose.copy(), body.velocity.copy()
+        body.pose[:2], body.velocity[:] = (look.x, look.y), velocity
+        elsewhere = share_elsewhere(self._contours, self._surface, self._usual, look.x, look.y, elsewhere_max)
+        body.pose[:], body.velocity[:] = pose, before
         return elsewhere <= elsewhere_max
 
     def _is_expected_on_sensor(self) -> bool:
@@ -266,7 +243,7 @@ class ContourSearch:
 
     def _places(self) -> list[_Place]:
         """Where it may be: moved on, or stopped, or where something like it was seen since."""
-        x, y = self._contours.pose[:2].tolist()
+        x, y = self._contours.body.pose[:2].tolist()
         # What has left comes back.
         velocity = -self._before.velocity if self._has_left else self._before.velocity
         places = [_Place(x, y, velocity, self.since_s, is_expected=True)]
@@ -306,7 +283,7 @@ class ContourSearch:
     def _look_again(self) -> Look:
         """The best place near where the candidate's motion would have brought it; or elsewhere, if that is better."""
         last, stamp_ns = self._path[-1], self._surface.stamp_ns
-        self._contours.velocity[:] = last.velocity
+        self._contours.body.velocity[:] = last.velocity
         x, y = last.predicted(stamp_ns)
         sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
         radius_px = NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9
@@ -315,7 +292,7 @@ class ContourSearch:
         if confidence >= self._wanted or stamp_ns - self._looked_round_ns < SEARCH_NS:
             return look
         self._turn += 1
-        self._contours.velocity[:] = self._before.velocity
+        self._contours.body.velocity[:] = self._before.velocity
         wide = self._look_round()
         other = wide.look
         is_better = self._usual.confidence_of_lost(other) > BETTER * confidence
@@ -339,4 +316,5 @@ class ContourSearch:
             return False
         if not (is_first and self._has_left):
             return True
-        return surface.inside_px(self._contours.box_at(look.x, look.y)) <= BORDER_PX + self._usual_speed_px_s * BORDER_S
+        box = self._contours.body.box_at(look.x, look.y)
+        return surface.inside_px(box) <= BORDER_PX + self._usual_speed_px_s * BORDER_S

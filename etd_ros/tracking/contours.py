@@ -1,5 +1,5 @@
-"""Follows one target by its moving contours: a model of where its events are and which polarity motion gives them is
-fitted to the newest events, and learns slowly."""
+"""The moving contours of one target: a model of where its events are and which polarity motion gives them, which is
+fitted to the newest events and learns slowly."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.body import Body
 from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import normalise, splat
 from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64Array, arm_cells, score_at, search
 from etd_ros.tracking.growth import GrowthByFlow
-from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, LookPace
+from etd_ros.tracking.look import Look
+from etd_ros.tracking.look_pace import LookPace
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
-from etd_ros.tracking.model_box import ModelBox
 from etd_ros.tracking.outline import beyond_box
-from etd_ros.tracking.shape import reach_of
-from etd_ros.tracking.steady_change import SteadyChange
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.turning import TurningByFlow
 from etd_ros.tracking.turning_trial import TurningTrial
@@ -32,15 +31,9 @@ MARGIN = 1.2
 BORDER_CELLS = 2
 KEPT_MARGIN_PX = 10.0
 """How far round the model the surface is kept up to date, for the looks to come."""
-TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
-"""How much of a misfit is a misfit of the rate."""
-SCALE_LIMITS = (0.2, 5.0)
 SPAN_MIN_S = 0.002
 OUTLINE_GAIN, OUTLINE_TRUST_MIN = 0.3, 0.5
 """How much of what lies beyond a fast target's box is taken into it by a look, if that is trusted by so much."""
-VELOCITY_PX = 2.0
-VELOCITY_S = (0.004, 0.05)
-"""The velocity is an average over so much motion, within these times."""
 BIAS_PX = 400.0
 """The direction so far counts like this much motion when the polarity of a place is predicted: a look's own way there
 hardly does, or a place farther along the upright edges of somebody who walks would predict what makes it better."""
@@ -63,33 +56,11 @@ class Impression:
     angle_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """What the events say about the target.
-
-    Attributes:
-        x, y: where it fits best (pixels).
-        score: how well.
-        events: how many are under the model.
-        motion: how far the target moved while they came, in parts of `window_px`, 0.15 to 1.
-        direction: x, y of the motion that fits the polarities best, of any length.
-    """
-
-    x: float
-    y: float
-    score: float
-    events: float
-    motion: float
-    direction: tuple[float, float]
-
-
 class Contours:
-    """A target's model and pose.
+    """A target's model, and the body that it is fitted to.
 
     Attributes:
-        pose: float64, x, y of the centre (pixels), scale, angle (rad).
-        velocity: float64, x, y (pixels/s).
-        stamp_ns: the time of the pose (ns).
+        body: where the target is, how it moves, and its box.
         least_speed_px_s: looks take the events of no more time than if the target were so fast (pixels/s).
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
@@ -97,19 +68,14 @@ class Contours:
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
         self.config = config
-        self.pose = np.array([*box.center, 1.0, 0.0])
-        self.velocity = np.zeros(2)
-        self._turning = SteadyChange(TURN_GAIN)
-        self._growing = SteadyChange(GROWTH_GAIN)
+        self.body = Body(box, stamp_ns)
         self._growth_by_flow: GrowthByFlow | None = None
         self._turning_by_flow: TurningByFlow | None = None
         self._trial: TurningTrial | None = None
         self._may_stride = box.h > STRIDING_MIN * box.w
-        self.stamp_ns = stamp_ns
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
-        self._model_box = ModelBox(box.w, box.h)
-        columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in self.size_px)
-        width, height = (side / self.cell_px for side in self.size_px)
+        columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in (box.w, box.h))
+        width, height = box.w / self.cell_px, box.h / self.cell_px
         self._memories = Memories(rows, columns, width, height)
         self.least_speed_px_s = 0.0
         self.is_changing = False
@@ -121,46 +87,19 @@ class Contours:
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
 
-    def box_at(self, x: float, y: float) -> Box:
-        """The target's box if its centre is there (pixels)."""
-        return self._model_box.at(x, y, self.pose)
-
-    @property
-    def size_px(self) -> tuple[float, float]:
-        """Width and height of the box at scale 1."""
-        return self._model_box.size_px
-
-    @property
-    def box(self) -> Box:
-        """The target's box (pixels)."""
-        x, y, _, _ = self.pose.tolist()
-        return self.box_at(x, y)
-
-    @property
-    def speed_px_s(self) -> float:
-        """How fast the target moves (pixels/s)."""
-        return math.hypot(*self.velocity.tolist())
-
     @property
     def sweep_px_s(self) -> float:
         """How fast its edges usually pass over pixels, by its motion and, of what turned from its start on, by that as
         well (pixels/s)."""
+        speed_px_s = self.body.speed_px_s
         if self._turning_by_flow is None:
-            return self.speed_px_s
-        arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]
-        return math.hypot(self.speed_px_s, self._turning.per_s * arm_px)
+            return speed_px_s
+        return math.hypot(speed_px_s, self.body.turning.per_s * self._arm_px)
 
     @property
-    def sizes_per_s(self) -> float:
-        """How fast the target moves in widths and in heights of its box, together (1/s): what a box that stays behind
-        loses of its overlap."""
-        (width, height), (right, down) = self._model_box.size(self.pose), self.velocity.tolist()
-        return abs(right) / width + abs(down) / height
-
-    @property
-    def is_fast(self) -> bool:
-        """Whether it moves so fast that it does not come to a halt at once."""
-        return self.sizes_per_s > FAST_SIZES_PER_S
+    def _arm_px(self) -> float:
+        """How far from the middle turning moves the model as much as moving does, usually (pixels)."""
+        return float(self._arm_cells * self.cell_px * self.body.pose[SCALE])
 
     @property
     def known(self) -> float:
@@ -176,11 +115,6 @@ class Contours:
         return self._memories.known_along(*self._turned(direction[0] / length, direction[1] / length))
 
     @property
-    def motion(self) -> Float64Array:
-        """How the target moves, turns and grows: pixels/s, pixels/s, rad/s and 1/s."""
-        return np.array([*self.velocity.tolist(), self._turning.per_s, self._growing.per_s])
-
-    @property
     def _maps(self) -> Float32Array:
         cells = self._memories.cells
         return cells.both if self.is_changing else cells.trusted
@@ -190,33 +124,30 @@ class Contours:
         cells = self._memories.cells
         return cells.both_norms if self.is_changing else cells.trusted_norms
 
-    def predicted(self, stamp_ns: int) -> tuple[float, float]:
-        """Where the centre is at a time, if the motion goes on."""
-        (x, y, _, _), (right, down), since_s = self.pose.tolist(), self.velocity.tolist(), self._since_s(stamp_ns)
-        return x + right * since_s, y + down * since_s
-
     def keep(self, surface: TimeSurface) -> int:
         """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
-        box = self.box_at(*self.predicted(surface.stamp_ns)).scaled(MARGIN)
+        body = self.body
+        box = body.box_at(*body.predicted(surface.stamp_ns)).scaled(MARGIN)
         new = surface.keep(surface.window(box, KEPT_MARGIN_PX))
         self._pace.wait_with(new)
         return new
 
     def is_due(self, stamp_ns: int) -> bool:
         """Whether it is time for a look; the events for the next one count from then on."""
-        return self._pace.is_due(self._since_s(stamp_ns), self.sweep_px_s, self.sizes_per_s)
+        return self._pace.is_due(self.body.since_s(stamp_ns), self.sweep_px_s, self.body.sizes_per_s)
 
     def take_turning_of_flow(self, surface: TimeSurface) -> None:
         """Believe how fast a target that began to turn does so by the flow of its edges. Looks cannot tell when it
         turns back: all of its polarities change."""
         if self._turning_by_flow is None:
             return
-        place = np.array(self.predicted(surface.stamp_ns))
+        body = self.body
+        x, y = body.predicted(surface.stamp_ns)
         correction = self._turning_by_flow.correction(
-            surface, self.box_at(*place.tolist()), place, self.sweep_px_s, self._turning.per_s
+            surface, body.box_at(x, y), np.array([x, y]), self.sweep_px_s, body.turning.per_s
         )
         if correction != 0:
-            self._turning.per_s += (1 - self.covered) * correction
+            body.turning.per_s += (1 - self.covered) * correction
             self._note_direction()
 
     def look(self, surface: TimeSurface, *, any_motion: bool = False) -> Look:
@@ -228,7 +159,7 @@ class Contours:
                 and places twice as far away are looked at.
         """
         radius_px = self.config.search_radius * (2 if any_motion else 1)
-        return self.look_at(surface, *self.predicted(surface.stamp_ns), radius_px, any_motion=any_motion)
+        return self.look_at(surface, *self.body.predicted(surface.stamp_ns), radius_px, any_motion=any_motion)
 
     def look_at(
         self,
@@ -247,18 +178,18 @@ class Contours:
             radius_px: how far from it (pixels).
             any_motion: as for `look`.
         """
-        config = self.config
-        box = self.box_at(x, y).scaled(MARGIN)
+        config, body = self.config, self.body
+        box = body.box_at(x, y).scaled(MARGIN)
         margin = radius_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
-        pose = np.array([x, y, *self._changed(self._since_s(surface.stamp_ns))])
-        maps, norms, velocity, motion = self._maps, self._norms, self.motion, BIAS_PX * self.direction
+        pose = np.array([x, y, *body.changed(surface.stamp_ns)])
+        maps, norms, velocity, motion = self._maps, self._norms, body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
-            points, count, maps, norms, pose, self.cell_px, velocity, motion, self.pose, config.ridge_weight,
+            points, count, maps, norms, pose, self.cell_px, velocity, motion, body.pose, config.ridge_weight,
             any_motion, float(radius_px),
         )  # fmt: skip
-        motion[:2] += pose[:2] - self.pose[:2]
+        motion[:2] += pose[:2] - body.pose[:2]
         score, events, *direction = score_at(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, config.ridge_weight, any_motion
         )
@@ -267,7 +198,7 @@ class Contours:
 
     def sees_noise(self, surface: TimeSurface) -> bool:
         """Whether what a look has where the target should be is noise, so that it makes no events itself."""
-        box = self.box_at(*self.predicted(surface.stamp_ns))
+        box = self.body.box_at(*self.body.predicted(surface.stamp_ns))
         return surface.shows_noise(surface.window(box, 0.0), self._span_s(surface.stamp_ns))
 
     def look_longer(self, events: float, stamp_ns: int) -> bool:
@@ -282,37 +213,13 @@ class Contours:
         if length > 0:
             self.direction = np.array([*direction, 0.0, 0.0]) / length
 
-    def follow(self, surface: TimeSurface, x: float, y: float, gain: float) -> None:
-        """Go to a place (pixels) at the surface's time; the velocity follows by `gain`, 0 to 1."""
-        self.velocity += gain * (self.velocity_to(x, y, surface.stamp_ns) - self.velocity)
-        self.pose[2:] = self._changed(self._since_s(surface.stamp_ns))
-        self.pose[:2] = x, y
-        self.stamp_ns = surface.stamp_ns
-
-    def velocity_to(self, x: float, y: float, stamp_ns: int) -> Float64Array:
-        """The velocity, x and y (pixels/s), if the target goes to a place (pixels) by a time (ns): an average
-        of that so far and of the way there."""
-        elapsed_s = self._since_s(stamp_ns)
-        if elapsed_s <= 0:
-            return self.velocity.copy()
-        shortest_s, longest_s = VELOCITY_S
-        average_s = min(max(VELOCITY_PX / max(self.speed_px_s, 1e-3), shortest_s), longest_s)
-        last = (np.array([x, y]) - self.pose[:2]) / elapsed_s
-        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (last - self.velocity))
-
-    def go_on_at(self, velocity: Float64Array, gain: float) -> None:
-        """Take the target to move at a velocity (pixels/s), by `gain` from 0 to 1, and neither to turn nor to grow."""
-        self.velocity += gain * (velocity - self.velocity)
-        self._turning.stop()
-        self._growing.stop()
-
     def adapt(self, surface: TimeSurface, elapsed_s: float, trust: float, *, sees_covers: bool) -> None:
         """Take into the box what lies beyond that of a fast target, unless its size is kept; fit scale and angle to the
         newest events, and learn from them by their trust (0 to 1); cells that show what covers the target count less
         from now on, if `sees_covers`."""
-        if self.config.scale_gain > 0 and self.is_fast and trust > OUTLINE_TRUST_MIN:
+        if self.config.scale_gain > 0 and self.body.is_fast and trust > OUTLINE_TRUST_MIN:
             self._take_in_outline(surface)
-        box = self.box.scaled(MARGIN)
+        box = self.body.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
@@ -320,7 +227,7 @@ class Contours:
         self._note_direction()
         self._looks += 1
         sight = self._sight(points, count)
-        inside = splat(points, count, self.pose, self.cell_px, sight.velocity, self.drawn)
+        inside = splat(points, count, self.body.pose, self.cell_px, sight.velocity, self.drawn)
         self._pace.count(inside, self.sweep_px_s * span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._memories.weight, 1.0)
@@ -330,22 +237,15 @@ class Contours:
 
     def stop(self) -> None:
         """Take the target to be at rest."""
-        self.velocity[:] = 0
+        self.body.stop()
         self._growth_by_flow = None
         self._turning_by_flow = self._trial = None
-        self._turning.stop()
-        self._growing.stop()
 
     def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
-        """The target has grown and turned at these rates (1/s, rad/s) for a time (s), from the scale and angle of a
-        pose, by the flow of its edges."""
+        """The target has changed as for `Body.change_since`, by the flow of its edges."""
         self._turning_by_flow = TurningByFlow() if turning_rad_s != 0 else None
-        self._turning.per_s = turning_rad_s
-        self.pose[ANGLE] = pose[ANGLE] + turning_rad_s * time_s
         self._growth_by_flow = GrowthByFlow() if growing_per_s != 0 else None
-        self._growing.per_s = growing_per_s
-        self.pose[SCALE] = pose[SCALE]
-        self._grow(growing_per_s * time_s)
+        self.body.change_since(pose, growing_per_s, turning_rad_s, time_s)
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
         """Make the model what is drawn in `drawn`, the sum of so many looks; the direction is that of the motion, of
@@ -354,10 +254,6 @@ class Contours:
         normalise(self.drawn, self.room, self._memories.weight, looks)
         self._learn(self._direction_by_the_cell(), 1.0, 1.0, sees_covers=False)
         self._looks = looks_known
-
-    def take_shape(self, places: Float64Array) -> None:
-        """Learn the target's shape from where its events are beside its middle (pixels at scale 1, shape (n, 2))."""
-        self._model_box.take_shape(reach_of(places / np.divide(self.size_px, 2)))
 
     def keep_memories(self) -> None:
         """Keep what the target looks like now, as it is seen surely."""
@@ -371,7 +267,7 @@ class Contours:
 
     def impression(self) -> Impression:
         """What the target looks like now."""
-        return Impression(self._memories.remembered(), self.direction, float(self.pose[ANGLE]))
+        return Impression(self._memories.remembered(), self.direction, float(self.body.pose[ANGLE]))
 
     def recall(self, impression: Impression) -> None:
         """Look as the target once did."""
@@ -383,13 +279,8 @@ class Contours:
     def appear(self, impression: Impression, box: Box, stamp_ns: int) -> None:
         """Take the target to be at rest in a box (pixels) at a time (ns), and to look as it once did."""
         self.recall(impression)
-        self.pose[:] = *box.center, 1.0, impression.angle_rad
-        self._model_box.reset()
-        upright = self.box
-        least, most = SCALE_LIMITS
-        self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
+        self.body.appear(box, impression.angle_rad, stamp_ns)
         self._pace.forget()
-        self.stamp_ns = stamp_ns
         self.stop()
 
     def uncover(self) -> None:
@@ -401,30 +292,25 @@ class Contours:
         """How surely something covers a part of it, 0 to 1."""
         return self._memories.cells.covered
 
-    @property
-    def growing_per_s(self) -> float:
-        """How fast it grows (the logarithm of its scale, 1/s)."""
-        return self._growing.per_s
-
     def correct(self, misfit: Float64Array) -> None:
         """Put the box on the model right: it is off by parts of its width and height along x and y, and the right one
         is so much wider and higher (logarithms), unless its size is kept."""
-        box, (right, below, *larger) = self.box, misfit.tolist()
+        box, (right, below, *larger) = self.body.box, misfit.tolist()
         wider, higher = larger if self.config.scale_gain > 0 else (0.0, 0.0)
-        self._model_box.correct(right * box.w, below * box.h, wider, higher, self.pose)
+        self.body.correct_box(right * box.w, below * box.h, wider, higher)
 
     def draw_usual(self, drawn: Float32Array, span: float) -> None:
         """Draw what the target usually looks like where it lies now, `span` times as wide and high as its box; shape
         (3, cells, cells), as `draw_model` has it."""
-        box, (x, y) = self.box, self.pose[:2].tolist()
+        box, (x, y) = self.body.box, self.body.pose[:2].tolist()
         middle = box.center[0] - x, box.center[1] - y
-        draw_model(self._memories.usual, self.pose, self.cell_px, *middle, span * box.w, span * box.h, drawn)
+        draw_model(self._memories.usual, self.body.pose, self.cell_px, *middle, span * box.w, span * box.h, drawn)
 
     def draw_first(self, maps: Float32Array, drawn: Float32Array, span: float) -> None:
         """Draw what the target looked like at some time (its usual memory's maps of then) in its box as it was at the
         start, turned and grown as it is now."""
-        width, height = self._model_box.size_at_first(self.pose)
-        draw_model(maps, self.pose, self.cell_px, 0.0, 0.0, span * width, span * height, drawn)
+        width, height = self.body.size_at_first
+        draw_model(maps, self.body.pose, self.cell_px, 0.0, 0.0, span * width, span * height, drawn)
 
     def usual_maps(self) -> Float32Array:
         """What the target usually looks like now: the memory's maps, which no look renews any more."""
@@ -437,7 +323,7 @@ class Contours:
         self._memories.see(x, y, rate * (1 - self.known))
 
     def _sight(self, points: Float32Array, count: int) -> Sight:
-        return Sight(points, count, self.pose, self.motion, BIAS_PX * self.direction)
+        return Sight(points, count, self.body.pose, self.body.motion, BIAS_PX * self.direction)
 
     def _fit_scale_and_angle(self, sight: Sight, elapsed_s: float) -> None:
         config = self.config
@@ -447,54 +333,51 @@ class Contours:
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
             too_small *= 1 - self.covered
-            self._growing.learn(too_small, elapsed_s)
-            self._grow(config.scale_gain * too_small)
+            self.body.growing.learn(too_small, elapsed_s)
+            self.body.grow(config.scale_gain * too_small)
         if config.angle_gain > 0:
             self._turn(sight, turned, elapsed_s)
 
     def _turn(self, sight: Sight, turned: float, elapsed_s: float) -> None:
         """Turn by what the angle is off by (rad), once the target is known to turn and until that proves wrong."""
-        begins = self._turning.per_s == 0
-        if not self._turning.learn(turned, elapsed_s):
+        body = self.body
+        begins = body.turning.per_s == 0
+        if not body.turning.learn(turned, elapsed_s):
             return
         if begins and self._may_stride:
-            self._trial = TurningTrial(self._maps, self._norms, float(self.pose[ANGLE]), self._arm_cells)
-        self.pose[ANGLE] += self.config.angle_gain * turned
+            self._trial = TurningTrial(self._maps, self._norms, float(body.pose[ANGLE]), self._arm_cells)
+        body.pose[ANGLE] += self.config.angle_gain * turned
         if self._trial and self._trial.fails(sight, self.cell_px, self.config.ridge_weight, elapsed_s):
-            self.pose[ANGLE] = self._trial.angle_rad
-            self._turning.stop()
-
-    def _grow(self, growth: float) -> None:
-        """Change the scale's logarithm, within limits."""
-        least, most = SCALE_LIMITS
-        self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(growth), least), most)
+            body.pose[ANGLE] = self._trial.angle_rad
+            body.turning.stop()
 
     def _take_in_outline(self, surface: TimeSurface) -> None:
         """Move and enlarge the box towards what lies beyond it and is of the target."""
-        box, span_s = self.box, max(self._motion_s(), SPAN_MIN_S)
+        body = self.body
+        box, span_s = body.box, max(self._motion_s(), SPAN_MIN_S)
         # What comes after the target was as far behind as that goes in the meantime: short frames have kept it there.
-        window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX + self.speed_px_s * span_s)
+        window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX + body.speed_px_s * span_s)
         points, count = surface.points(window, span_s)
-        beyond = beyond_box(points, count, self.pose, self.velocity, box.w, box.h)
+        beyond = beyond_box(points, count, body.pose, body.velocity, box.w, box.h)
         growth = beyond.growth(box.w, box.h)
         if growth > 0:
-            self._grow(OUTLINE_GAIN * growth)
-            self.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
-            self._growing.doubt_if_below_0()
+            body.grow(OUTLINE_GAIN * growth)
+            body.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
+            body.growing.doubt_if_below_0()
 
     def _take_growth_of_flow(self, surface: TimeSurface) -> None:
         """Believe how fast a target that began to grow does so by the flow of its edges. Of others, what passes before
         or behind them would be taken for it."""
+        body = self.body
         if self._growth_by_flow is not None:
             correction = self._growth_by_flow.correction(
-                surface, self.box, self.pose[:2], self.speed_px_s, self._growing.per_s
+                surface, body.box, body.pose[:2], body.speed_px_s, body.growing.per_s
             )
             # What something covers seems to shrink.
-            self._growing.per_s += (1 - self.covered) * correction
+            body.growing.per_s += (1 - self.covered) * correction
 
     def _note_direction(self) -> None:
-        arm_px = self._arm_cells * self.cell_px * self.pose[SCALE]
-        motion = self.motion * (1.0, 1.0, arm_px, arm_px)
+        motion = self.body.motion * (1.0, 1.0, self._arm_px, self._arm_px)
         speed_px_s = math.hypot(*motion.tolist())
         if speed_px_s > SPEED_MIN_PX_S:
             self.direction = motion / speed_px_s
@@ -506,20 +389,12 @@ class Contours:
 
     def _turned(self, x: float, y: float) -> tuple[float, float]:
         """A direction in the model's coordinates."""
-        cos, sin = math.cos(self.pose[ANGLE]), math.sin(self.pose[ANGLE])
+        cos, sin = math.cos(self.body.pose[ANGLE]), math.sin(self.body.pose[ANGLE])
         return cos * x + sin * y, cos * y - sin * x
-
-    def _changed(self, since_s: float) -> tuple[float, float]:
-        """Scale and angle after a time, if growing and turning go on."""
-        scale = self.pose[SCALE] * math.exp(self._growing.per_s * since_s)
-        return float(scale), float(self.pose[ANGLE] + self._turning.per_s * since_s)
-
-    def _since_s(self, stamp_ns: int) -> float:
-        return (stamp_ns - self.stamp_ns) * 1e-9
 
     def _motion_s(self) -> float:
         """The time of a window's motion (s), at most `window_max_s`."""
-        return self._pace.motion_s(max(self.sweep_px_s, self.least_speed_px_s), self.sizes_per_s)
+        return self._pace.motion_s(max(self.sweep_px_s, self.least_speed_px_s), self.body.sizes_per_s)
 
     def _span_s(self, stamp_ns: int) -> float:
-        return max(self._motion_s(), self._since_s(stamp_ns), SPAN_MIN_S)
+        return max(self._motion_s(), self.body.since_s(stamp_ns), SPAN_MIN_S)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_kernels import Float64Array
-from etd_ros.tracking.contour_search import Standing
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Impression
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.look import Look
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
@@ -47,12 +48,12 @@ class ExpectedPlace:
         self._looked_ns = self._surface.stamp_ns
 
     def found(self) -> Look | None:
-        """The last of so many looks that agree, if there are; the contours' pose and velocity are the expected ones."""
+        """The last of so many looks that agree, if there are; the body's pose and velocity are the expected ones."""
         stamp_ns = self._surface.stamp_ns
         if stamp_ns - self._looked_ns < (CONFIRM_NS if self._offsets else SEARCH_NS):
             return None
         self._looked_ns = stamp_ns
-        x, y = self._contours.pose[:2].tolist()
+        x, y = self._contours.body.pose[:2].tolist()
         off_x, off_y = self._offsets[-1] if self._offsets else (0.0, 0.0)
         radius_px = NEXT_RADIUS_PX if self._offsets else RADIUS_PX
         look = self._contours.look_at(self._surface, x + off_x, y + off_y, radius_px)

@@ -46,9 +46,9 @@ def arm_px(width_px: float, height_px: float) -> float:
     return (width_px + height_px) / 4
 
 
-def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float, float]:
-    """How fast a target grows since its start (1/s) by the flow of its edges, and how far the flow is believed, 0 to 1;
-    0, 0 where it may as well not grow, or the flow is hardly believed.
+def growth_trust(flow: EdgeFlow, arm_px: float, time_s: float) -> float:
+    """How far the flow of a target's edges is believed to tell how fast it has grown since its start, 0 to 1; 0 where
+    it may as well not grow, or the flow is hardly believed.
 
     Args:
         flow: of its edges.
@@ -60,9 +60,9 @@ def growth_at_start(flow: EdgeFlow, arm_px: float, time_s: float) -> tuple[float
     # Few edges may go wrong together, however many flows they have.
     error_per_s = max(flow.growing_error, flow.growing_error_by_edge)
     if not has_moved or abs(growing_per_s) < START_ERRORS * error_per_s:
-        return 0.0, 0.0
+        return 0.0
     share = 1 / (1 + (_error(flow) / START_USUAL_PER_S) ** 2)
-    return (share * growing_per_s, share) if share > START_SHARE_MIN else (0.0, 0.0)
+    return share if share > START_SHARE_MIN else 0.0
 
 
 class GrowthByFlow:

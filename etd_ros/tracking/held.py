@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.body import Body
 from etd_ros.tracking.surface import TimeSurface
 
 MOVES_ON_S = 0.1
@@ -39,9 +39,9 @@ class Held:
         return moved if self.surface.holds(*moved.center) else self.box
 
 
-def moving_on(contours: Contours, stamp_ns: int) -> tuple[Box, float, float] | None:
+def moving_on(body: Body, stamp_ns: int) -> tuple[Box, float, float] | None:
     """`Held.moving` of a target that has no events from now on, by the motion that its last looks saw, sure or not."""
-    if not contours.is_fast:
+    if not body.is_fast:
         return None
-    right_px_s, down_px_s = contours.velocity.tolist()
-    return contours.box_at(*contours.predicted(stamp_ns)), right_px_s, down_px_s
+    right_px_s, down_px_s = body.velocity.tolist()
+    return body.box_at(*body.predicted(stamp_ns)), right_px_s, down_px_s

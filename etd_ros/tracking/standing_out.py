@@ -29,7 +29,7 @@ def share_elsewhere(
     contours: Contours, surface: TimeSurface, usual: UsualLooks, x: float, y: float, enough: float
 ) -> float:
     """How sure the best look round a place (pixels) is, in parts of how sure one there is: above 1 the target would
-    rather be elsewhere. Pose and velocity of the contours are those that the target has there. More than `enough` is
+    rather be elsewhere. Pose and velocity of the body are those that the target has there. More than `enough` is
     enough: no better place is sought then."""
     here = contours.look_at(surface, x, y, SETTLE_PX)
     sure = max(usual.confidence_of_lost(here), CONFIDENCE_MIN)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 
-from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
-from etd_ros.tracking.contour_drawing import agreements, coherence, splat
-from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
-from etd_ros.tracking.contours import BORDER_CELLS, Contours
+from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, CoherentMotions
+from etd_ros.tracking.contour_drawing import splat
+from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
+from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
-from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_at_start, stands_alone
-from etd_ros.tracking.start_events import StartEvents, as_looks_see, shares_of_pixels, some_of
+from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_trust, stands_alone
+from etd_ros.tracking.start_events import StartEvents, as_looks_see, some_of
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 from etd_ros.tracking.turning import Turned, turning_at_start
@@ -30,25 +28,17 @@ STANDS_PX = 1.0
 LOOK_S, LOOK_EVENTS = 0.005, 2.0
 """A look of the start waits for this time, or for so many events for each pixel of the box's width and height. Frames
 may be shorter, as the rest of the scene ends them, and a velocity that is fitted often to little strays."""
-STEPS_PX = ((0.5, 2), (0.25, 1))
-"""(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
-FAST_LOOKS, FAST_STEP_PX, FAST_STEPS = 3, 2.0, 4
-"""The first so many looks also try motions up to this many steps off (pixels at the end of the motion): what is thrown
-may have moved by several pixels within the shortest frame."""
+FAST_LOOKS = 3
+"""The first so many looks also try motions farther off: what is thrown may have moved by several pixels within the
+shortest frame."""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
-"""(how alike the parts of a motion that is found so have to be, how many times as well as the best near by it has to
-agree): one of these is enough."""
+"""What lets a motion that is found so be believed (`Motion.is_clearly_better`)."""
 EVENTS_MIN = 20
 ALIKE_ENOUGH = 0.5
 """Where parts of the time are less alike than this at the best velocity, that is believed by as much less: some
 velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
 LEFT_TRUST = ((0.3, 1.5), (0.7, 1.1))
 """The same as FAST_TRUST for the motion of what has left its box: that is faint at first."""
-CHANGE_WEIGHT = 0.001
-"""How much coherence a pixel of change (squared) has to bring."""
-REST_WEIGHT = 0.1
-"""How much coherence a pixel of motion since the start has to bring, over the root of the number of events: of few,
-some motion always agrees better than the right one."""
 LOOKS_KNOWN = 10
 GROWTH_SHARES = 0.25, 0.5, 0.75, 1.0
 """So much is tried of the growth that a flow is believed to have."""
@@ -56,30 +46,10 @@ TURNING_AGREES = 0.9
 """With turning its events have to agree so many times as well as with the best motion along."""
 SHAPE_AROUND_MAX = 0.04
 """Where more is round a box, for each pixel, the events in its corners may be of that, too."""
-PARTS = 4
-"""The time so far is taken in so many parts, whose events have to agree."""
-CELL = 1.5
-"""Cells of the start-up in those of the model: coarser ones are faster, and find the same motion."""
-GRID_MARGIN = 1.5
-"""Width and height of the start-up's grid in those of the box: it holds a ring of what lies round the target."""
 APART_PX = 3.0
 """After so much motion, events that move like the ring can be told from the target's."""
-RING_FITS = 2
-APART_ROUNDS = 3
-BEHIND_WEIGHT = 0.7
-"""How much less an event counts that moves like the ring."""
-AGREED_FLOOR = 0.1
 NEXT_STEPS = np.array([(right, down) for down in (-1, 0, 1) for right in (-1, 0, 1)])
 """To a velocity itself and to those round it."""
-
-
-class _Motion(NamedTuple):
-    """A velocity (pixels/s) and what speaks for it: how well the events agree at it, less what chance would bring, and
-    how alike their parts are (`coherence`)."""
-
-    velocity: Float64Array
-    agreement: float
-    alike: float
 
 
 class StartUp:
@@ -98,31 +68,26 @@ class StartUp:
 
     def __init__(self, contours: Contours) -> None:
         self._contours = contours
-        self._pose = contours.pose.copy()
-        self._cell_px = CELL * contours.cell_px
-        self._arm_px = arm_px(*contours.size_px)
-        width, height = (side / self._cell_px for side in contours.size_px)
-        columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
-        self._weight = oval(rows, columns, width, height, WEIGHT_FADES)
-        self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
-        self._room = np.zeros((2, rows, columns), np.float32)
-        self._ring = np.asarray(1 - self._weight, np.float32)
+        self._body = contours.body
+        self._pose = self._body.pose.copy()
+        self._arm_px = arm_px(*self._body.size_px)
+        self._motions = CoherentMotions(self._pose, self._body.size_px, contours.cell_px)
         self._looked_at_ns: int | None = None
         self._events_waiting = 0
         self._rests = False
         self._late_s = 0.0
-        self._begin(contours.stamp_ns)
+        self._begin(self._body.stamp_ns)
 
     def _begin(self, stamp_ns: int) -> None:
         """The target is in its start box at this time (ns)."""
         self._contours.stop()
-        self._contours.pose[:] = self._pose
+        self._body.pose[:] = self._pose
         self._growing_per_s = self._turning_rad_s = 0.0
-        self._start_ns = self._contours.stamp_ns = stamp_ns
+        self._start_ns = self._body.stamp_ns = stamp_ns
         self._collected = StartEvents()
         self._fast_looks = 0
         self._seen_turning = self._agreement = 0.0
-        self._surroundings = Surroundings(self._contours.box, stamp_ns, self._late_s)
+        self._surroundings = Surroundings(self._body.box, stamp_ns, self._late_s)
 
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
@@ -139,7 +104,7 @@ class StartUp:
             self._surroundings.take(surface)
         elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
         self._events_waiting += new_events
-        if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._contours.size_px):
+        if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._body.size_px):
             return False
         self._looked_at_ns = surface.stamp_ns
         self._events_waiting = 0
@@ -151,22 +116,22 @@ class StartUp:
     @property
     def _stands(self) -> bool:
         """Whether the target is not known to have moved."""
-        contours = self._contours
-        moved_px = contours.speed_px_s * (contours.stamp_ns - self._start_ns) * 1e-9
+        body = self._body
+        moved_px = body.speed_px_s * (body.stamp_ns - self._start_ns) * 1e-9
         return moved_px <= STANDS_PX and self._late_s <= LATE_S
 
     def _sees_noise(self, surface: TimeSurface) -> bool:
         """Whether there was nothing but noise for REST_S: the target has rested, and starts later than was said."""
         if self._rests or (surface.stamp_ns - self._start_ns) * 1e-9 >= REST_S:
-            window = surface.window(self._contours.box.scaled(GRID_MARGIN), 0.0)
+            window = surface.window(self._body.box.scaled(GRID_MARGIN), 0.0)
             self._rests = surface.shows_noise(window, REST_S)
         return self._rests
 
     def _look(self, surface: TimeSurface, elapsed_s: float) -> bool:
         """Take the events of this time (s); whether the start is over and the model is known."""
-        contours = self._contours
-        x, y = contours.predicted(surface.stamp_ns)
-        window = surface.window(contours.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
+        contours, body = self._contours, self._body
+        x, y = body.predicted(surface.stamp_ns)
+        window = surface.window(body.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
         self._collected.take(points[:count], time_s)
@@ -180,17 +145,18 @@ class StartUp:
         self._growing_per_s = self._turning_rad_s = 0.0
         if not has_left:
             self._take_flow(surface, events, time_s)
-        moved = math.hypot(contours.speed_px_s, *self._outline_px_s()) * time_s
+        moved = math.hypot(body.speed_px_s, *self._outline_px_s()) * time_s
         is_over = (
             (self._collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
             or moved >= MOTION_MAX_PX
             or time_s >= TIME_MAX_S
         )
         if is_over and moved > APART_PX and not any(self._outline_px_s()):
-            self._tell_apart(events, time_s)
-        contours.pose[:2] = self._pose[:2] + contours.velocity * time_s
+            # The velocity has been believed for APART_PX.
+            body.velocity = self._motions.told_apart(events, time_s, body.velocity)
+        body.pose[:2] = self._pose[:2] + body.velocity * time_s
         contours.change_since(self._pose, self._growing_per_s, self._turning_rad_s, time_s)
-        contours.stamp_ns = surface.stamp_ns
+        body.stamp_ns = surface.stamp_ns
         if has_left:
             # So far the surface was kept up to date where it was believed.
             contours.keep(surface)
@@ -205,45 +171,37 @@ class StartUp:
     def _take_flow(self, surface: TimeSurface, events: Float32Array, time_s: float) -> None:
         """Take how fast the target has turned and grown since its start from the flow of its edges; if it has, its
         velocity is that of the flow, too: some shift always agrees best with edges that go round or move apart."""
-        contours = self._contours
+        config, body = self._contours.config, self._body
         if time_s <= 0 or self._late_s > LATE_S:
             return
-        place = self._pose[:2] + contours.velocity * time_s
+        place = self._pose[:2] + body.velocity * time_s
         x, y = place.tolist()
-        window, span_s = surface.window(contours.box_at(x, y), FLOW_MARGIN_PX), min(time_s, START_SPAN_S)
+        window, span_s = surface.window(body.box_at(x, y), FLOW_MARGIN_PX), min(time_s, START_SPAN_S)
         flows = surface.flows(window, span_s, x, y)
         if flows is None:
             return
-        turned = self._turned(flows, place, events, time_s, span_s) if contours.config.angle_gain > 0 else None
+        turned = self._turned(flows, place, events, time_s, span_s) if config.angle_gain > 0 else None
         if turned is not None:
-            contours.velocity, self._turning_rad_s, self._growing_per_s = turned
-        elif contours.config.scale_gain > 0:
-            contours.velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
+            body.velocity, self._turning_rad_s, self._growing_per_s = turned
+        elif config.scale_gain > 0:
+            body.velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
 
     def _grown(self, flow: EdgeFlow, place: Float64Array, events: Float32Array, time_s: float, span_s: float) -> Turned:
         """How the target has grown for this time (s) by the flow of its edges round a place (pixels) in the last
         `span_s`: as far as the flow is believed, and as far as its events agree the better."""
-        velocity = self._contours.velocity
+        velocity = self._body.velocity
         best, agreement = Turned(velocity, 0.0, 0.0), self._agreement
-        _, believed = growth_at_start(flow, self._arm_px, time_s)
+        believed = growth_trust(flow, self._arm_px, time_s)
         if believed == 0 or len(events) < EVENTS_MIN:
             return best
         for tried in GROWTH_SHARES:
             share = tried * believed
             part = flow._replace(velocity=velocity + share * (flow.velocity - velocity))
             grown = Turned.of_flow(part, share * flow.growing_per_s, self._pose[:2], place, time_s - span_s / 2)
-            agrees = self._agreement_of(grown, events, time_s)
+            agrees = self._motions.agreement_if(grown, events, time_s)
             if agrees > agreement:
                 best, agreement = grown, agrees
         return best
-
-    def _agreement_of(self, turned: Turned, events: Float32Array, time_s: float) -> float:
-        """How well the target's events agree with one another if it has turned and grown so for this time (s)."""
-        undone, everything = turned.undone(events, self._pose[:2]), np.ones(len(events), np.float32)
-        agreement = self._motion(undone, time_s, everything, self._weight, np.zeros(2)).agreement
-        arm_px = self._arm_px
-        speed_px_s = math.hypot(*turned.velocity, turned.turning_rad_s * arm_px, turned.growing_per_s * arm_px)
-        return agreement * _not_by_chance(len(events), speed_px_s, time_s)
 
     def _turned(
         self, flows: EdgeFlows, place: Float64Array, events: Float32Array, time_s: float, span_s: float
@@ -256,9 +214,9 @@ class StartUp:
         if rate == 0 or len(events) < EVENTS_MIN:
             return None
         flow, grows = flows.turning, self._contours.config.scale_gain > 0
-        growing_per_s = growth_at_start(flow, self._arm_px, time_s)[0] if grows else 0.0
+        growing_per_s = growth_trust(flow, self._arm_px, time_s) * flow.growing_per_s if grows else 0.0
         turned = Turned.of_flow(flow, growing_per_s, self._pose[:2], place, time_s - span_s / 2)
-        if self._agreement_of(turned, events, time_s) < TURNING_AGREES * self._agreement:
+        if self._motions.agreement_if(turned, events, time_s) < TURNING_AGREES * self._agreement:
             return None
         self._seen_turning = rate
         return turned if before * rate > 0 else None
@@ -266,141 +224,55 @@ class StartUp:
     def _fit(self, events: Float32Array, time_s: float) -> None:
         """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
         off where that is clearly better; by how far it can be believed."""
-        everything = np.ones(len(events), np.float32)
-        contours = self._contours
-        best = self._coherent(events, time_s, everything, self._weight, contours.velocity)
+        so_far = self._body.velocity
+        best = self._motions.near(events, time_s, so_far)
         if self._fast_looks < FAST_LOOKS:
             self._fast_looks += 1
-            far = self._coherent_far(events, time_s, everything, best)
-            best = far if _is_clearly_better(far, best) else best
-        contours.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
+            far = self._motions.farther_off(events, time_s, so_far, best)
+            best = far if far.is_clearly_better(best, FAST_TRUST) else best
+        self._body.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
         self._agreement = best.agreement
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
-        believed = self._contours.velocity
+        believed = self._body.velocity
         candidates = self._surroundings.velocities(believed, time_s)
         if not candidates:
             return False
         events = self._surroundings.events
         some = some_of(events)
-        everything = np.ones(len(some), np.float32)
-        velocity = self._best_of(some, time_s, everything, candidates).velocity
+        velocity = self._motions.best_of(some, time_s, candidates).velocity
         # The larger the box, the farther apart they are.
         step_px = self._surroundings.step_px / 2
         while step_px > STEPS_PX[0][0]:
             nearer = velocity + NEXT_STEPS * (step_px / time_s)
-            velocity = self._best_of(some, time_s, everything, nearer).velocity
+            velocity = self._motions.best_of(some, time_s, nearer).velocity
             step_px /= 2
-        left = self._coherent(some, time_s, everything, self._weight, velocity)
+        left = self._motions.near(some, time_s, velocity)
         # What flickers beside the box agrees best at rest.
-        here = self._best_of(some, time_s, everything, (believed, np.zeros(2)))
-        if not _is_clearly_better(left, here, LEFT_TRUST):
+        here = self._motions.best_of(some, time_s, (believed, np.zeros(2)))
+        if not left.is_clearly_better(here, LEFT_TRUST):
             return False
-        self._contours.velocity = left.velocity
+        self._body.velocity = left.velocity
         # What was collected where it was believed is not of it.
         self._collected.replace(events)
         return True
 
-    def _tell_apart(self, events: Float32Array, time_s: float) -> None:
-        """Fit the velocity again, to events by how much better they agree at it than at that of the ring; it has been
-        believed for APART_PX."""
-        velocity = ring = self._contours.velocity
-        events = some_of(events)
-        of_pixel = shares_of_pixels(events)
-        for _ in range(RING_FITS):
-            ring = self._coherent(events, time_s, of_pixel, self._ring, ring).velocity
-        behind = self._agreements(events, time_s, ring)
-        for _ in range(APART_ROUNDS):
-            own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
-            shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
-            velocity = self._coherent(events, time_s, shares, self._weight, velocity).velocity
-        self._contours.velocity = velocity
-
-    def _coherent(
-        self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
-    ) -> _Motion:
-        """The motion of the greatest coherence near a velocity (pixels/s), coarse to fine."""
-        best = _Motion(so_far, 0.0, 0.0)
-        for step_px, reach in STEPS_PX:
-            middle, top = best.velocity, -np.inf
-            for j in range(-reach, reach + 1):
-                for i in range(-reach, reach + 1):
-                    velocity = middle + np.array([i, j]) * (step_px / time_s)
-                    motion = self._motion(events, time_s, shares, weight, velocity)
-                    change_px = math.dist(velocity, so_far) * time_s
-                    agreement = motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2)
-                    if agreement > top:
-                        best, top = motion, agreement
-        return best
-
-    def _coherent_far(self, events: Float32Array, time_s: float, shares: Float32Array, near: _Motion) -> _Motion:
-        """The motion of the greatest coherence within FAST_STEPS steps of the velocity believed so far, or the best
-        near that if none of them agrees better than it."""
-        so_far, some, shares_of_some = self._contours.velocity, some_of(events), some_of(shares)
-        steps = range(-FAST_STEPS, FAST_STEPS + 1)
-        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
-        velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
-        best = self._best_of(some, time_s, shares_of_some, velocities).velocity
-        if np.array_equal(best, so_far):
-            return near
-        return self._coherent(events, time_s, shares, self._weight, best)
-
-    def _best_of(
-        self, events: Float32Array, time_s: float, shares: Float32Array, velocities: Iterable[Float64Array]
-    ) -> _Motion:
-        """The motion at which the target's events agree best, of those with these velocities (pixels/s)."""
-        motions = (self._motion(events, time_s, shares, self._weight, velocity) for velocity in velocities)
-        return max(motions, key=lambda motion: motion.agreement)
-
-    def _motion(
-        self,
-        events: Float32Array,
-        time_s: float,
-        shares: Float32Array,
-        weight: Float32Array,
-        velocity: Float64Array,
-    ) -> _Motion:
-        """How well the events agree with one another at a velocity (pixels/s)."""
-        agreement, alike = coherence(
-            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts, self._room
-        )
-        return _Motion(velocity, agreement * _not_by_chance(len(events), math.hypot(*velocity), time_s), alike)
-
-    def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
-        agreed = np.empty(len(events), np.float32)
-        agreements(
-            events, len(events), self._pose, self._cell_px, velocity, time_s, self._parts, self._room, agreed
-        )  # fmt: skip
-        return agreed
-
     def _finish(self, events: Float32Array, moved_px: float, surface: TimeSurface) -> None:
-        contours = self._contours
-        right, down = contours.velocity.tolist()
+        contours, body = self._contours, self._body
+        right, down = body.velocity.tolist()
         around_px_s, outward_px_s = self._outline_px_s()
         speed_px_s = math.hypot(right, down, around_px_s, outward_px_s)
         window_s = contours.config.window_px / max(speed_px_s, 1e-3)
         seen = as_looks_see(events, window_s)
-        motion = contours.motion
+        motion = body.motion
         if around_px_s != 0:
-            turned = Turned(contours.velocity, self._turning_rad_s, self._growing_per_s)
+            turned = Turned(body.velocity, self._turning_rad_s, self._growing_per_s)
             seen, motion = turned.undone(seen, self._pose[:2]), np.zeros(4)
-            contours.take_shape(seen[:, :2] - self._pose[:2])
-        elif not contours.is_fast and stands_alone(surface, contours.box, window_s, SHAPE_AROUND_MAX):
-            contours.take_shape(seen[:, :2] + np.outer(seen[:, AGE], contours.velocity) - self._pose[:2])
+            body.take_shape(seen[:, :2] - self._pose[:2])
+        elif not body.is_fast and stands_alone(surface, body.box, window_s, SHAPE_AROUND_MAX):
+            body.take_shape(Turned(body.velocity, 0.0, 0.0).from_middle(seen, self._pose[:2]))
         splat(seen, len(seen), self._pose, contours.cell_px, motion, contours.drawn)
         outline = np.array([right, down, around_px_s, outward_px_s])
         direction = outline / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
         contours.begin(direction, max(1.0, moved_px / contours.config.window_px), LOOKS_KNOWN)
-
-
-def _is_clearly_better(far: _Motion, near: _Motion, trust: tuple[tuple[float, float], ...] = FAST_TRUST) -> bool:
-    """Whether a motion farther off is to be believed rather than the best one near by: of few events something always
-    agrees. Where those at the near one agree by nothing, that the far one's parts are alike is enough."""
-    return any(far.alike >= alike and far.agreement > times * near.agreement for alike, times in trust)
-
-
-def _not_by_chance(events: int, speed_px_s: float, time_s: float) -> float:
-    """The share of the agreement of so many events, for a motion at this speed since the start, that chance does not
-    bring."""
-    return math.exp(-(REST_WEIGHT / math.sqrt(events) * speed_px_s * time_s))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_MOVED_PX
 from etd_ros.tracking.measured_rate import MeasuredRate
@@ -59,13 +59,17 @@ class Turned(NamedTuple):
     def undone(self, events: Float32Array, middle: Float64Array) -> Float32Array:
         """Events, whose ages count backwards from the start, where they would have been then; the target's middle was
         at `middle` (pixels). Within a start things turn by more than what a straight line could stand for."""
-        moved, age_s = events.copy(), events[:, AGE].astype(np.float64)
+        moved = events.copy()
+        moved[:, :2] = middle + self.from_middle(events, middle)
+        return moved
+
+    def from_middle(self, events: Float32Array, middle: Float64Array) -> Float64Array:
+        """The same places from the target's middle (pixels), not rounded, float64, shape (n, 2)."""
+        age_s = events[:, AGE].astype(np.float64)
         right, down = (events[:, :2] + np.outer(age_s, self.velocity) - middle).T
         cos, sin = np.cos(self.turning_rad_s * age_s), np.sin(self.turning_rad_s * age_s)
         size = np.exp(self.growing_per_s * age_s)
-        moved[:, X] = middle[0] + size * (cos * right - sin * down)
-        moved[:, Y] = middle[1] + size * (sin * right + cos * down)
-        return moved
+        return np.stack([size * (cos * right - sin * down), size * (sin * right + cos * down)], axis=1)
 
 
 def turning_at_start(flows: EdgeFlows, arm_px: float, time_s: float) -> float:

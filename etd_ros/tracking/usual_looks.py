@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from etd_ros.tracking.contours import Look
+from etd_ros.tracking.look import Look
 
 EVENTS_MIN = 15.0
 """Fewer events under the model say nothing about the target."""

@@ -190,10 +190,10 @@ def test_nobody_is_asked_about_what_hardly_moves(speed_px_s, is_asked, slow, slo
 
 def at_speed(speed_px_s, take):
     def taken(refinement, contours, surface):
-        velocity = contours.velocity.copy()
-        contours.velocity[:] = speed_px_s, 0.0
+        velocity = contours.body.velocity.copy()
+        contours.body.velocity[:] = speed_px_s, 0.0
         take(refinement, contours, surface)
-        contours.velocity[:] = velocity
+        contours.body.velocity[:] = velocity
 
     return taken
 

@@ -27,7 +27,7 @@ from etd_ros.events import Events
 from etd_ros.settings import Settings
 from etd_ros.simulation import Flicker, Path, Recipe, Sprite, Waypoint, make_scene
 from etd_ros.simulation.textures import checks
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, start_up, steady_motion
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, coherent_motions, steady_motion
 from etd_ros.tracking.contour_drawing import coherence
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.errors import TrackingError
@@ -180,7 +180,7 @@ def test_a_target_whose_light_flickers_starts_where_it_is(monkeypatch):
         return np.mean([overlap(report, truth) for _, report, truth in tracked(scene, start_s=0.1, frames=frames)])
 
     assert mean_overlap() > 0.9
-    monkeypatch.setattr(start_up, "coherence", lambda *given: (coherence(*given)[0], 1.0))
+    monkeypatch.setattr(coherent_motions, "coherence", lambda *given: (coherence(*given)[0], 1.0))
     assert mean_overlap() < 0.5, "some velocity is the best, though none is right"
 
 
@@ -211,7 +211,7 @@ def test_pixels_that_fire_again_and_again_do_not_slow_a_start(monkeypatch):
         return np.mean([overlap(report, truth) for time_s, report, truth in found if time_s > 0.1])
 
     assert mean_overlap() > 0.96
-    monkeypatch.setattr(start_up, "shares_of_pixels", lambda events: np.ones(len(events), np.float32))
+    monkeypatch.setattr(coherent_motions, "shares_of_pixels", lambda events: np.ones(len(events), np.float32))
     assert mean_overlap() < 0.95
 
 

@@ -7,7 +7,7 @@ from tracked_scenes import HEIGHT, SIZE, START_NS, WIDTH, frames_of, overlap, sc
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contour_target, contours, memories, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contours, following, memories, start_up
 
 
 def lag_px(scene, frames, since_s):
@@ -74,7 +74,7 @@ def test_what_slowly_covers_a_target_neither_draws_its_box_along_nor_shrinks_it(
     seen, share = at_the_end()
     assert seen > 0.75
     assert share > 0.85
-    monkeypatch.setattr(contour_target, "COVERED_AFTER_S", 99.0)
+    monkeypatch.setattr(following, "COVERED_AFTER_S", 99.0)
     unseen, _ = at_the_end()
     assert unseen < 0.5
 

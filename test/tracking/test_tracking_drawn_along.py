@@ -10,7 +10,7 @@ from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking.contour_search import Standing
+from etd_ros.tracking.body import Standing
 from etd_ros.tracking.drawn_along import GIVE_UP_S, MET_S, DrawnAlong
 
 STEP_S = 0.01

@@ -7,7 +7,7 @@ from tracked_scenes import SIZE, frames_of, overlap, pillar, scene_of, tracked
 
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import TargetState
-from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.doubts import Doubts
 
 PILLAR_X, PILLAR_W = 120, 60
 
@@ -41,7 +41,7 @@ def test_it_is_found_when_it_comes_out(hidden):
 
 def test_without_that_its_box_would_stay_at_the_edge(hidden, monkeypatch):
     scene, frames, gone_s = hidden
-    monkeypatch.setattr(ContourTarget, "_has_gone_behind", lambda self: False)
+    monkeypatch.setattr(Doubts, "has_gone_behind", False)
     behind = [report for time_s, report, _ in tracked(scene, frames=frames) if gone_s < time_s < gone_s + 0.2]
     assert {report.state for report in behind} == {TargetState.TRACKING}
 

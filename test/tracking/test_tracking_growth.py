@@ -16,7 +16,7 @@ from etd_ros.tracking.growth import (
     START_MOVED_PX,
     GrowthByFlow,
     arm_px,
-    growth_at_start,
+    growth_trust,
 )
 
 DURATION_S = 0.7
@@ -77,23 +77,22 @@ def flow(growing_per_s, error=0.05, velocity=(0.0, 0.0)):
     return EdgeFlow(np.array(velocity), growing_per_s, error)
 
 
-def test_a_start_believes_a_sure_flow_and_its_velocity_by_the_same_share():
-    growing_per_s, share = growth_at_start(flow(1.5), 20.0, 0.1)
-    assert growing_per_s == pytest.approx(1.5 * share)
+def test_a_start_believes_a_flow_by_how_sure_it_is():
+    share = growth_trust(flow(1.5), 20.0, 0.1)
     assert 0.7 < share < 1
-    assert growth_at_start(flow(1.5, 0.3), 20.0, 0.1)[1] < share
+    assert 0 < growth_trust(flow(1.5, 0.3), 20.0, 0.1) < share
 
 
 def test_a_start_takes_a_flow_that_is_unsure_or_of_hardly_any_motion_for_none():
-    assert growth_at_start(flow(1.5, 0.5), 20.0, 0.1) == (0.0, 0.0)
-    assert growth_at_start(flow(1.5), 20.0, START_MOVED_PX / 20 / 1.6) == (0.0, 0.0)
-    assert growth_at_start(flow(10.0, 2.0), 20.0, 0.1) == (0.0, 0.0)
+    assert growth_trust(flow(1.5, 0.5), 20.0, 0.1) == 0
+    assert growth_trust(flow(1.5), 20.0, START_MOVED_PX / 20 / 1.6) == 0
+    assert growth_trust(flow(10.0, 2.0), 20.0, 0.1) == 0
 
 
 def test_a_start_takes_growth_that_a_single_edge_decides_for_none():
     sure = flow(1.5)
-    assert growth_at_start(sure._replace(growing_error_by_edge=0.3), 20.0, 0.1) == growth_at_start(sure, 20.0, 0.1)
-    assert growth_at_start(sure._replace(growing_error_by_edge=0.5), 20.0, 0.1) == (0.0, 0.0)
+    assert growth_trust(sure._replace(growing_error_by_edge=0.3), 20.0, 0.1) == growth_trust(sure, 20.0, 0.1)
+    assert growth_trust(sure._replace(growing_error_by_edge=0.5), 20.0, 0.1) == 0
 
 
 def triangle_moving(velocity_px_s):

@@ -11,7 +11,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, frames_from, over
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.body import Body
 from etd_ros.tracking.held import MOVES_ON_S, Held, moving_on
 from etd_ros.tracking.surface import TimeSurface
 
@@ -95,8 +95,8 @@ def test_a_box_that_was_moving_on_stays_where_it_was_when_the_clock_goes_back():
 
 
 def test_only_what_moves_by_eight_times_its_size_in_a_second_moves_on():
-    contours = Contours(Box(50, 50, 20, 20), START_NS, ContourConfig())
-    contours.velocity[:] = 0.0, 159.0
-    assert moving_on(contours, START_NS + 10_000_000) is None
-    contours.velocity[:] = 0.0, 200.0
-    assert moving_on(contours, START_NS + 10_000_000) == (Box(50, 52, 20, 20), 0.0, 200.0)
+    body = Body(Box(50, 50, 20, 20), START_NS)
+    body.velocity[:] = 0.0, 159.0
+    assert moving_on(body, START_NS + 10_000_000) is None
+    body.velocity[:] = 0.0, 200.0
+    assert moving_on(body, START_NS + 10_000_000) == (Box(50, 52, 20, 20), 0.0, 200.0)

@@ -39,13 +39,6 @@ def last_limit_s(scene, **options):
     return list(limits_s(scene, **options).values())[-1][2]
 
 
-def test_a_target_loses_overlap_by_its_motion_in_parts_of_its_width_and_of_its_height():
-    contours = Contours(Box(10.0, 10.0, 20.0, 50.0), START_NS, ContourConfig())
-    assert contours.sizes_per_s == 0
-    contours.velocity[:] = -200.0, 100.0
-    assert contours.sizes_per_s == pytest.approx(200 / 20 + 100 / 50)
-
-
 @pytest.mark.parametrize("speed_px_s", [400.0, 800.0])
 def test_frames_are_to_last_until_the_target_has_moved_by_a_share_of_its_size(speed_px_s):
     asked = [limit_s for _, _, limit_s in limits_s(crossing(speed_px_s)).values()]
@@ -62,16 +55,16 @@ def test_frames_of_what_is_not_fast_are_to_be_no_shorter_than_its_looks_are_apar
 @pytest.mark.parametrize(("speed_px_s", "waits_s"), [(3000.0, 0.0015), (4500.0, 0.001)])
 def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(speed_px_s, waits_s):
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.velocity[:] = speed_px_s, 0.0
-    assert contours.is_fast
+    contours.body.velocity[:] = speed_px_s, 0.0
+    assert contours.body.is_fast
     assert not contours.is_due(START_NS + round(0.95 * waits_s * 1e9))
     assert contours.is_due(START_NS + round(1.05 * waits_s * 1e9))
 
 
 def test_a_look_at_what_is_fast_waits_for_two_milliseconds_at_most():
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.velocity[:] = 1000.0, 0.0
-    assert contours.is_fast
+    contours.body.velocity[:] = 1000.0, 0.0
+    assert contours.body.is_fast
     assert not contours.is_due(START_NS + 1_900_000)
     assert contours.is_due(START_NS + 2_000_000)
 

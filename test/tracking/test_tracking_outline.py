@@ -10,9 +10,10 @@ from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite
+from etd_ros.tracking.body import SCALE_LIMITS
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_drawing import splat
-from etd_ros.tracking.contours import OUTLINE_GAIN, SCALE_LIMITS, Contours
+from etd_ros.tracking.contours import OUTLINE_GAIN, Contours
 from etd_ros.tracking.outline import (
     AHEAD_SHARE,
     BINS,
@@ -153,14 +154,15 @@ def looked_at(
     """A fast target of 20 pixels that has looked once at 2 ms of events of these places, in short frames."""
     velocity = np.array(velocity_px_s)
     contours = Contours(Box(90.0, 70.0, 20.0, 20.0), 0, ContourConfig(scale_gain=scale_gain))
-    contours.velocity[:] = velocity
-    contours.pose[2] = scale
-    contours._growing.per_s = growing_per_s
+    body = contours.body
+    body.velocity[:] = velocity
+    body.pose[2] = scale
+    body.growing.per_s = growing_per_s
     span_s = FRAMES * FRAME_NS * 1e-9
     points = points_at(scale * places, np.random.default_rng(0), velocity)
     frames = np.minimum((span_s - points[:, 2]) / (FRAME_NS * 1e-9), FRAMES - 1e-3)
     surface = TimeSurface(WIDTH, HEIGHT)
-    contours.pose[:2] -= velocity * span_s
+    body.pose[:2] -= velocity * span_s
     for number in range(FRAMES):
         is_of_frame = frames.astype(int) == number
         of_frame = points[is_of_frame]
@@ -169,13 +171,13 @@ def looked_at(
         levels[rows, columns, (of_frame[:, 3] < 0).astype(int)] = 1 + 254 * (frames[is_of_frame] % 1)
         surface.take((number + 1) * FRAME_NS, levels, number * FRAME_NS)
         contours.keep(surface)
-    contours.pose[:2] = POSE[:2]
-    contours.stamp_ns = FRAMES * FRAME_NS
+    body.pose[:2] = POSE[:2]
+    body.stamp_ns = FRAMES * FRAME_NS
     splat(
-        *surface.points(surface.window(contours.box, 20.0), 1.0),
-        contours.pose,
+        *surface.points(surface.window(body.box, 20.0), 1.0),
+        body.pose,
         contours.cell_px,
-        contours.motion,
+        body.motion,
         contours.drawn,
     )
     contours.begin(np.array([1.0, 0.0, 0.0, 0.0]), 1.0, 10)
@@ -188,17 +190,17 @@ ONE_SIDED = np.concatenate([rim(8, 200), np.column_stack([np.full(40, 12.5), np.
 
 
 def test_a_look_takes_a_part_of_what_lies_beyond_into_the_box():
-    assert looked_at(LARGER).pose[2] == pytest.approx(1.3**OUTLINE_GAIN, abs=0.04)
+    assert looked_at(LARGER).body.pose[2] == pytest.approx(1.3**OUTLINE_GAIN, abs=0.04)
 
 
 def test_a_target_that_seemed_to_shrink_is_doubted_to():
-    shrinking, growing = (looked_at(LARGER, growing_per_s=rate).motion[3] for rate in (-4.0, 4.0))
+    shrinking, growing = (looked_at(LARGER, growing_per_s=rate).body.motion[3] for rate in (-4.0, 4.0))
     assert shrinking > -2.5
     assert growing > 3.5
 
 
 def test_the_middle_moves_towards_what_lies_beyond_one_side():
-    assert looked_at(ONE_SIDED).pose[:2] - POSE[:2] == pytest.approx((OUTLINE_GAIN * 2.5 / 2, 0), abs=0.15)
+    assert looked_at(ONE_SIDED).body.pose[:2] - POSE[:2] == pytest.approx((OUTLINE_GAIN * 2.5 / 2, 0), abs=0.15)
 
 
 @pytest.mark.parametrize(
@@ -208,13 +210,13 @@ def test_the_middle_moves_towards_what_lies_beyond_one_side():
 )
 def test_a_slow_or_doubted_target_or_one_that_is_to_keep_its_size_takes_in_nothing(changed):
     contours = looked_at(ONE_SIDED, **changed)
-    assert contours.pose[:2].tolist() == POSE[:2].tolist()
+    assert contours.body.pose[:2].tolist() == POSE[:2].tolist()
     if "scale_gain" in changed:
-        assert contours.pose[2] == 1
+        assert contours.body.pose[2] == 1
 
 
 def test_a_target_grows_no_further_than_the_limit():
-    assert looked_at(LARGER[:600], scale=SCALE_LIMITS[1]).pose[2] == SCALE_LIMITS[1]
+    assert looked_at(LARGER[:600], scale=SCALE_LIMITS[1]).body.pose[2] == SCALE_LIMITS[1]
 
 
 def test_what_follows_closely_is_seen_where_it_was():
@@ -223,7 +225,7 @@ def test_what_follows_closely_is_seen_where_it_was():
     alone, followed = (
         looked_at(places, velocity_px_s=(4000.0, 0.0)) for places in (LARGER, np.concatenate([LARGER, behind]))
     )
-    assert followed.pose[2] < alone.pose[2] - 0.02
+    assert followed.body.pose[2] < alone.body.pose[2] - 0.02
 
 
 def test_a_box_grows_by_the_mean_of_both_sides_or_by_the_one_that_says_something():

@@ -7,9 +7,11 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.tracking import contour_search
+from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
-from etd_ros.tracking.contour_search import ContourSearch, Standing, _Place, _Seen, _WideLook
-from etd_ros.tracking.contours import Contours, Look
+from etd_ros.tracking.contour_search import ContourSearch, _Place, _Seen, _WideLook
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.look import Look
 from etd_ros.tracking.standing_out import share_elsewhere
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import UsualLooks
@@ -64,8 +66,8 @@ def test_places_round_it_are_sought_until_one_is_enough():
 
 def search_at_left_border(*, has_left):
     contours = Contours(Box(0.0, 70.0, 40.0, 40.0), 0, ContourConfig())
-    contours.velocity[:] = -100.0, 0.0
-    before = Standing.of(contours)
+    contours.body.velocity[:] = -100.0, 0.0
+    before = Standing.of(contours.body)
     surface = TimeSurface(WIDTH, HEIGHT)
     return ContourSearch(contours, surface, UsualLooks(), before, 100.0, 0, has_left=has_left, has_gap=False)
 
@@ -91,10 +93,11 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: share)
     search = search_at_left_border(has_left=has_left)
     search._path = [seen((80.0, 0.0))]
-    pose, velocity = search._contours.pose.copy(), search._contours.velocity.copy()
+    body = search._contours.body
+    pose, velocity = body.pose.copy(), body.velocity.copy()
     assert search._is_it(FOUND) is is_it
-    np.testing.assert_array_equal(search._contours.pose, pose)
-    np.testing.assert_array_equal(search._contours.velocity, velocity)
+    np.testing.assert_array_equal(body.pose, pose)
+    np.testing.assert_array_equal(body.velocity, velocity)
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_what_flickers_beside_a_box_does_not_draw_it_away(beside_px, polarity):
         surface.take(start_ns + number * 1_000_000, data, start_ns + (number - 1) * 1_000_000)
         if start_up.take(surface, contours.keep(surface)):
             break
-    moved_px = np.hypot(*(contours.pose[:2] - box.center))
+    moved_px = np.hypot(*(contours.body.pose[:2] - box.center))
     assert moved_px < 4.0
 
 

@@ -11,7 +11,7 @@ from etd_ros.simulation import SUITE, Path, Scene, Sprite, Waypoint, simulate
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.simulation.things import car
 from etd_ros.tracking import Click, DiscoveryConfig, TargetState, TrackingError, method_named
-from etd_ros.tracking.contour_target import ContourTarget
+from etd_ros.tracking.doubts import Doubts
 from etd_ros.tracking.starter import Starter
 from etd_ros.tracking.target import TargetReport
 
@@ -114,7 +114,7 @@ def test_a_target_that_has_left_is_dropped():
 def test_what_vanished_behind_something_is_dropped_also_where_it_is_held(monkeypatch, is_held, said):
     if is_held:
         # As what is fast, or stops at once.
-        monkeypatch.setattr(ContourTarget, "_has_gone_behind", lambda self: False)
+        monkeypatch.setattr(Doubts, "has_gone_behind", False)
     rng = np.random.default_rng(5)
     wall = 0.5 + 0.05 * smooth_noise(rng, 180, 240)
     way = Path([Waypoint(0, 40, 90), Waypoint(0.6, 160, 90), Waypoint(0.9, 160, 90)])

@@ -7,7 +7,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, tracked
 from etd_ros.simulation import Path, Scene, Sprite
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking import contour_target as module
+from etd_ros.tracking import following as module
 
 SPEED_PX_S, BRAKES_AT_S, BRAKES_FOR_S = 100.0, 0.5, 0.2
 

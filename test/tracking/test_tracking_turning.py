@@ -116,6 +116,8 @@ def test_what_has_turned_and_moved_is_brought_back_to_its_start():
     events = np.column_stack([places, -times_s, np.ones(50)]).astype(np.float32)
     undone = Turned(velocity, rate, growing).undone(events, PLACE)
     assert undone[:, :2] == pytest.approx(PLACE + at_first, abs=1e-3)
+    np.testing.assert_array_equal(undone[:, 2:], events[:, 2:])
+    assert Turned(velocity, rate, growing).from_middle(events, PLACE) == pytest.approx(at_first, abs=1e-3)
 
 
 def test_the_velocity_is_that_of_the_middle_wherever_the_flow_was_measured():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from etd_ros.tracking.contours import Look
+from etd_ros.tracking.look import Look
 from etd_ros.tracking.usual_looks import UsualLooks
 
 

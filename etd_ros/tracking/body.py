@@ -1,0 +1,188 @@
+"""A target as a body: where it is, how large and how turned, how all of that changes, and the box round it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float64Array
+from etd_ros.tracking.look_pace import FAST_SIZES_PER_S
+from etd_ros.tracking.model_box import ModelBox
+from etd_ros.tracking.shape import reach_of
+from etd_ros.tracking.steady_change import SteadyChange
+
+TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
+"""How much of a misfit is a misfit of the rate."""
+SCALE_LIMITS = (0.2, 5.0)
+VELOCITY_PX = 2.0
+VELOCITY_S = (0.004, 0.05)
+"""The velocity is an average over so much motion, within these times."""
+
+
+class Body:
+    """Pose, motion and box of one target.
+
+    Args:
+        box: where it is, upright (pixels).
+        stamp_ns: the time of that (ns).
+
+    Attributes:
+        pose: float64, x, y of the centre (pixels), scale, angle (rad).
+        velocity: float64, x, y (pixels/s).
+        stamp_ns: the time of the pose (ns).
+        turning: how fast it turns (rad/s).
+        growing: how fast it grows (the logarithm of its scale, 1/s).
+    """
+
+    def __init__(self, box: Box, stamp_ns: int) -> None:
+        self.pose = np.array([*box.center, 1.0, 0.0])
+        self.velocity = np.zeros(2)
+        self.stamp_ns = stamp_ns
+        self.turning = SteadyChange(TURN_GAIN)
+        self.growing = SteadyChange(GROWTH_GAIN)
+        self._model_box = ModelBox(box.w, box.h)
+
+    @property
+    def size_px(self) -> tuple[float, float]:
+        """Width and height of the box at scale 1 (pixels)."""
+        return self._model_box.size_px
+
+    @property
+    def size_at_first(self) -> tuple[float, float]:
+        """Width and height of the box (pixels), turned and grown as it is now, without what was put right of it."""
+        return self._model_box.size_at_first(self.pose)
+
+    @property
+    def box(self) -> Box:
+        """Its box (pixels)."""
+        x, y, _, _ = self.pose.tolist()
+        return self._model_box.at(x, y, self.pose)
+
+    def box_at(self, x: float, y: float) -> Box:
+        """Its box if its centre is there (pixels)."""
+        return self._model_box.at(x, y, self.pose)
+
+    @property
+    def speed_px_s(self) -> float:
+        """How fast it moves (pixels/s)."""
+        return math.hypot(*self.velocity.tolist())
+
+    @property
+    def sizes_per_s(self) -> float:
+        """How fast it moves in widths and in heights of its box, together (1/s): what a box that stays behind loses of
+        its overlap."""
+        (width, height), (right, down) = self._model_box.size(self.pose), self.velocity.tolist()
+        return abs(right) / width + abs(down) / height
+
+    @property
+    def is_fast(self) -> bool:
+        """Whether it moves so fast that it does not come to a halt at once."""
+        return self.sizes_per_s > FAST_SIZES_PER_S
+
+    @property
+    def motion(self) -> Float64Array:
+        """How it moves, turns and grows: pixels/s, pixels/s, rad/s and 1/s."""
+        return np.array([*self.velocity.tolist(), self.turning.per_s, self.growing.per_s])
+
+    def since_s(self, stamp_ns: int) -> float:
+        """From the time of its pose to another one (s)."""
+        return (stamp_ns - self.stamp_ns) * 1e-9
+
+    def predicted(self, stamp_ns: int) -> tuple[float, float]:
+        """Where its centre is at a time (ns), if the motion goes on (pixels)."""
+        (x, y, _, _), (right, down), since_s = self.pose.tolist(), self.velocity.tolist(), self.since_s(stamp_ns)
+        return x + right * since_s, y + down * since_s
+
+    def changed(self, stamp_ns: int) -> tuple[float, float]:
+        """Scale and angle (rad) at a time (ns), if growing and turning go on."""
+        since_s = self.since_s(stamp_ns)
+        scale = self.pose[SCALE] * math.exp(self.growing.per_s * since_s)
+        return float(scale), float(self.pose[ANGLE] + self.turning.per_s * since_s)
+
+    def velocity_to(self, x: float, y: float, stamp_ns: int) -> Float64Array:
+        """The velocity, x and y (pixels/s), if it goes to a place (pixels) by a time (ns): an average of that so far
+        and of the way there."""
+        elapsed_s = self.since_s(stamp_ns)
+        if elapsed_s <= 0:
+            return self.velocity.copy()
+        shortest_s, longest_s = VELOCITY_S
+        average_s = min(max(VELOCITY_PX / max(self.speed_px_s, 1e-3), shortest_s), longest_s)
+        last = (np.array([x, y]) - self.pose[:2]) / elapsed_s
+        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (last - self.velocity))
+
+    def go_to(self, x: float, y: float, stamp_ns: int, gain: float) -> None:
+        """Be at a place (pixels) at a time (ns); the velocity follows by `gain`, 0 to 1."""
+        self.velocity += gain * (self.velocity_to(x, y, stamp_ns) - self.velocity)
+        self.pose[2:] = self.changed(stamp_ns)
+        self.pose[:2] = x, y
+        self.stamp_ns = stamp_ns
+
+    def go_on_at(self, velocity: Float64Array, gain: float) -> None:
+        """Move at a velocity (pixels/s), by `gain` from 0 to 1, and neither turn nor grow."""
+        self.velocity += gain * (velocity - self.velocity)
+        self.turning.stop()
+        self.growing.stop()
+
+    def stop(self) -> None:
+        """Be at rest."""
+        self.velocity[:] = 0
+        self.turning.stop()
+        self.growing.stop()
+
+    def grow(self, growth: float) -> None:
+        """Change the scale's logarithm, within limits."""
+        least, most = SCALE_LIMITS
+        self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(growth), least), most)
+
+    def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
+        """It has grown and turned at these rates (1/s, rad/s) for a time (s), from the scale and angle of a pose."""
+        self.turning.per_s = turning_rad_s
+        self.pose[ANGLE] = pose[ANGLE] + turning_rad_s * time_s
+        self.growing.per_s = growing_per_s
+        self.pose[SCALE] = pose[SCALE]
+        self.grow(growing_per_s * time_s)
+
+    def appear(self, box: Box, angle_rad: float, stamp_ns: int) -> None:
+        """Be in a box (pixels) at a time (ns), turned so far, and lie in it as at the start."""
+        self.pose[:] = *box.center, 1.0, angle_rad
+        self._model_box.reset()
+        upright = self.box
+        least, most = SCALE_LIMITS
+        self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
+        self.stamp_ns = stamp_ns
+
+    def take_shape(self, places: Float64Array) -> None:
+        """Learn the shape from where events are beside the middle (pixels at scale 1, shape (n, 2))."""
+        self._model_box.take_shape(reach_of(places / np.divide(self.size_px, 2)))
+
+    def correct_box(self, right: float, below: float, wider: float, higher: float) -> None:
+        """Move the box by so many pixels, and make it so much wider and higher (logarithms); the pose stays."""
+        self._model_box.correct(right, below, wider, higher, self.pose)
+
+
+def moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:
+    """Where a motion (pixels/s) has brought a place (pixels) after a time (ns)."""
+    right, down = velocity.tolist()
+    return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where a target stood: at stamp_ns its pose and velocity, as those of `Body`."""
+
+    stamp_ns: int
+    pose: Float64Array
+    velocity: Float64Array
+
+    @classmethod
+    def of(cls, body: Body) -> Standing:
+        """Where it stands now."""
+        return cls(body.stamp_ns, body.pose.copy(), body.velocity.copy())
+
+    def predicted(self, stamp_ns: int) -> tuple[float, float]:
+        """Where its centre is at a time (ns), if the motion goes on (pixels)."""
+        x, y = self.pose[:2].tolist()
+        return moved_on(x, y, self.velocity, stamp_ns - self.stamp_ns)

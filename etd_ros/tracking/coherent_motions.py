@@ -1,0 +1,169 @@
+"""The motions with which the events of a target's start agree with one another best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
+from etd_ros.tracking.contour_drawing import agreements, coherence
+from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
+from etd_ros.tracking.contours import BORDER_CELLS
+from etd_ros.tracking.growth import arm_px
+from etd_ros.tracking.start_events import shares_of_pixels, some_of
+from etd_ros.tracking.turning import Turned
+
+STEPS_PX = ((0.5, 2), (0.25, 1))
+"""(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
+FAST_STEP_PX, FAST_STEPS = 2.0, 4
+"""Motions farther off are tried up to so many of these steps away (pixels at the end of the motion)."""
+CHANGE_WEIGHT = 0.001
+"""How much coherence a pixel of change (squared) has to bring."""
+REST_WEIGHT = 0.1
+"""How much coherence a pixel of motion since the start has to bring, over the root of the number of events: of few,
+some motion always agrees better than the right one."""
+PARTS = 4
+"""The time so far is taken in so many parts, whose events have to agree."""
+CELL = 1.5
+"""Cells of the grid in those of the model: coarser ones are faster, and find the same motion."""
+GRID_MARGIN = 1.5
+"""Width and height of the grid in those of the box: it holds a ring of what lies round the target."""
+RING_FITS = 2
+APART_ROUNDS = 3
+BEHIND_WEIGHT = 0.7
+"""How much less an event counts that moves like the ring."""
+AGREED_FLOOR = 0.1
+
+
+class Motion(NamedTuple):
+    """A velocity (pixels/s) and what speaks for it: how well the events agree at it, less what chance would bring, and
+    how alike their parts are (`coherence`)."""
+
+    velocity: Float64Array
+    agreement: float
+    alike: float
+
+    def is_clearly_better(self, near: Motion, trust: tuple[tuple[float, float], ...]) -> bool:
+        """Whether it is to be believed rather than the best one near by: of few events something always agrees. Where
+        those at the near one agree by nothing, that its own parts are alike is enough.
+
+        Args:
+            near: the best one near by.
+            trust: (how alike its parts have to be, how many times as well as at the near one its events have to agree):
+                one of these is enough.
+        """
+        return any(self.alike >= alike and self.agreement > times * near.agreement for alike, times in trust)
+
+
+class CoherentMotions:
+    """Draws a start's events on a grid round its box, moved back by a motion, and tells how well they agree.
+
+    Events are points whose ages count backwards from the start, shape (n, 4); times are those since the start, or a
+    little more (s).
+
+    Args:
+        pose: of the target at the start, as that of `Body`.
+        size_px: width and height of its box (pixels).
+        cell_px: pixels of a model's cell.
+    """
+
+    def __init__(self, pose: Float64Array, size_px: tuple[float, float], cell_px: float) -> None:
+        self._pose = pose
+        self._arm_px = arm_px(*size_px)
+        self._cell_px = CELL * cell_px
+        width, height = (side / self._cell_px for side in size_px)
+        columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
+        self._weight = oval(rows, columns, width, height, WEIGHT_FADES)
+        self._ring = np.asarray(1 - self._weight, np.float32)
+        self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
+        self._room = np.zeros((2, rows, columns), np.float32)
+
+    def near(self, events: Float32Array, time_s: float, so_far: Float64Array) -> Motion:
+        """The motion of the greatest coherence near a velocity (pixels/s)."""
+        return self._near(events, time_s, _alike(events), self._weight, so_far)
+
+    def farther_off(self, events: Float32Array, time_s: float, so_far: Float64Array, near: Motion) -> Motion:
+        """The motion of the greatest coherence within FAST_STEPS steps of a velocity (pixels/s), or the best near that
+        if none of them agrees better than it."""
+        steps = range(-FAST_STEPS, FAST_STEPS + 1)
+        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
+        velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
+        best = self.best_of(some_of(events), time_s, velocities).velocity
+        return near if np.array_equal(best, so_far) else self.near(events, time_s, best)
+
+    def best_of(self, events: Float32Array, time_s: float, velocities: Iterable[Float64Array]) -> Motion:
+        """The motion at which the events agree best, of those with these velocities (pixels/s)."""
+        shares = _alike(events)
+        motions = (self._at(events, time_s, shares, self._weight, velocity) for velocity in velocities)
+        return max(motions, key=lambda motion: motion.agreement)
+
+    def agreement_if(self, turned: Turned, events: Float32Array, time_s: float) -> float:
+        """How well the events agree if the target has moved, turned and grown so."""
+        undone = turned.undone(events, self._pose[:2])
+        agreement = self._at(undone, time_s, _alike(events), self._weight, np.zeros(2)).agreement
+        around_px_s, outward_px_s = turned.turning_rad_s * self._arm_px, turned.growing_per_s * self._arm_px
+        speed_px_s = math.hypot(*turned.velocity, around_px_s, outward_px_s)
+        return agreement * _not_by_chance(len(events), speed_px_s, time_s)
+
+    def told_apart(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float64Array:
+        """The target's velocity (pixels/s) near one, by events that count by how much better they agree at it than at
+        that of the ring round the target."""
+        events = some_of(events)
+        of_pixel = shares_of_pixels(events)
+        ring = velocity
+        for _ in range(RING_FITS):
+            ring = self._near(events, time_s, of_pixel, self._ring, ring).velocity
+        behind = self._agreements(events, time_s, ring)
+        for _ in range(APART_ROUNDS):
+            own = self._agreements(events, time_s, velocity) + AGREED_FLOOR
+            shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
+            velocity = self._near(events, time_s, shares, self._weight, velocity).velocity
+        return velocity
+
+    def _near(
+        self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
+    ) -> Motion:
+        """`near` of events that count by shares, in cells that count by weights, coarse to fine."""
+        best = Motion(so_far, 0.0, 0.0)
+        for step_px, reach in STEPS_PX:
+            middle, top = best.velocity, -np.inf
+            for j in range(-reach, reach + 1):
+                for i in range(-reach, reach + 1):
+                    velocity = middle + np.array([i, j]) * (step_px / time_s)
+                    motion = self._at(events, time_s, shares, weight, velocity)
+                    change_px = math.dist(velocity, so_far) * time_s
+                    agreement = motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2)
+                    if agreement > top:
+                        best, top = motion, agreement
+        return best
+
+    def _at(
+        self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, velocity: Float64Array
+    ) -> Motion:
+        """How well the events agree with one another at a velocity (pixels/s)."""
+        agreement, alike = coherence(
+            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts, self._room
+        )
+        return Motion(velocity, agreement * _not_by_chance(len(events), math.hypot(*velocity), time_s), alike)
+
+    def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
+        """How well each of the events agrees with the others, shape (n,)."""
+        agreed = np.empty(len(events), np.float32)
+        agreements(
+            events, len(events), self._pose, self._cell_px, velocity, time_s, self._parts, self._room, agreed
+        )  # fmt: skip
+        return agreed
+
+
+def _alike(events: Float32Array) -> Float32Array:
+    """The shares of events that all count alike."""
+    return np.ones(len(events), np.float32)
+
+
+def _not_by_chance(events: int, speed_px_s: float, time_s: float) -> float:
+    """The share of the agreement of so many events, for a motion at this speed since the start, that chance does not
+    bring."""
+    return math.exp(-(REST_WEIGHT / math.sqrt(events) * speed_px_s * time_s))

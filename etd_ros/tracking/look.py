@@ -1,0 +1,25 @@
+"""What a look at a target's events says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the events say about the target.
+
+    Attributes:
+        x, y: where it fits best (pixels).
+        score: how well.
+        events: how many are under the model.
+        motion: how far the target moved while they came, in parts of `window_px`, 0.15 to 1.
+        direction: x, y of the motion that fits the polarities best, of any length.
+    """
+
+    x: float
+    y: float
+    score: float
+    events: float
+    motion: float
+    direction: tuple[float, float]
