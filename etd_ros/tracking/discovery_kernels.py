@@ -51,8 +51,8 @@ def count_recent(times: Int64Array, oldest_ns: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def gather(times: Int64Array, now_ns: int, oldest_ns: int, support_ns: int, stride: int, cell: int,
-           points: Float32Array, counts: Int32Array) -> int:  # fmt: skip
+def supported_points(times: Int64Array, now_ns: int, oldest_ns: int, support_ns: int, stride: int, cell: int,
+                     points: Float32Array, counts: Int32Array) -> int:  # fmt: skip
     """The pixels that fired after a time and have a neighbour that fired at about the same time, as points.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.tracking.discovery_kernels import Float32Array, Int32Array, count_recent, enter, gather
+from etd_ros.tracking.discovery_kernels import Float32Array, Int32Array, count_recent, enter, supported_points
 
 NEVER_NS = -(2**62)
 FRAME_MAX_NS = 100_000_000
@@ -62,7 +62,7 @@ class RecentEvents:
         """
         oldest_ns = self.stamp_ns - round(window_s * 1e9)
         stride = 1 + int(count_recent(self._times, oldest_ns)) // POINTS_MAX
-        n = gather(
+        n = supported_points(
             self._times, self.stamp_ns, oldest_ns, SUPPORT_NS, stride, CELL_PX, self._points, self.counts
         )  # fmt: skip
         return self._points[:n]

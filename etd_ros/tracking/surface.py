@@ -12,7 +12,7 @@ from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
-from etd_ros.tracking.surface_kernels import gather, gather_newest, keep_times
+from etd_ros.tracking.surface_kernels import frame_points, keep_times, kept_points
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -90,7 +90,7 @@ class TimeSurface:
     def points(self, window: Window, duration_s: float) -> tuple[Float32Array, int]:
         """The events of a window that are at most so old, as points, and their number; valid until the next call."""
         oldest_ns = self.stamp_ns - int(duration_s * 1e9)
-        return self._points, int(gather(self._times, self.stamp_ns, oldest_ns, *window, self._points))
+        return self._points, int(kept_points(self._times, self.stamp_ns, oldest_ns, *window, self._points))
 
     def shows_noise(self, window: Window, duration_s: float) -> bool:
         """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
@@ -115,4 +115,4 @@ class TimeSurface:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next
         call."""
         duration_s = (self.stamp_ns - self.start_ns) * 1e-9
-        return self._points, int(gather_newest(self._data, duration_s, *window, self._points))
+        return self._points, int(frame_points(self._data, duration_s, *window, self._points))

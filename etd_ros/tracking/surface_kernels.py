@@ -53,8 +53,8 @@ def _put(point: Float32Array, row: int, column: int, channel: int, age_s: float)
 
 
 @njit(cache=True, nogil=True)
-def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
-           points: Float32Array) -> int:  # fmt: skip
+def kept_points(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int,
+                points: Float32Array) -> int:  # fmt: skip
     """The surface's event pixels after `oldest_ns` in a window, as points; their number. More than fit are left out."""
     count = 0
     for row in range(top, bottom):
@@ -68,8 +68,8 @@ def gather(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, 
 
 
 @njit(cache=True, nogil=True)
-def gather_newest(data: npt.NDArray[np.uint8], duration_s: float, top: int, bottom: int, left: int, right: int,
-                  points: Float32Array) -> int:  # fmt: skip
+def frame_points(data: npt.NDArray[np.uint8], duration_s: float, top: int, bottom: int, left: int, right: int,
+                 points: Float32Array) -> int:  # fmt: skip
     """A frame's event pixels in a window, as points; their number. More than fit are left out."""
     count = 0
     for row in range(top, bottom):

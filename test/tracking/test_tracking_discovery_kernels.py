@@ -10,12 +10,12 @@ from etd_ros.tracking.discovery_kernels import (
     deal_to_tiles,
     draw,
     enter,
-    gather,
     label_cells,
     read_evidence,
     refined_velocity,
     score_tiles,
     sharpness,
+    supported_points,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -47,7 +47,7 @@ def test_points_are_recent_pixels_with_a_neighbour_of_about_their_time(seed):
     times = np.random.default_rng(seed).integers(0, 200, (13, 11)).astype(np.int64)
     counts = np.zeros((4, 3), np.int32)
     room = np.zeros((200, 3), np.float32)
-    n = gather(times, 200, 120, 2, 1, 4, room, counts)
+    n = supported_points(times, 200, 120, 2, 1, 4, room, counts)
     expected = set()
     for row, column in np.ndindex(times.shape):
         window = times[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2]
@@ -62,8 +62,8 @@ def test_points_beyond_the_room_are_left_out_and_every_other_one_is_taken():
     times = np.full((10, 10), 5, np.int64)
     counts = np.zeros((3, 3), np.int32)
     room = np.zeros((30, 3), np.float32)
-    assert gather(times, 5, 0, 1, 1, 4, room, counts) == 30
-    assert gather(times, 5, 0, 1, 5, 4, room, counts) == 20
+    assert supported_points(times, 5, 0, 1, 1, 4, room, counts) == 30
+    assert supported_points(times, 5, 0, 1, 5, 4, room, counts) == 20
     assert counts.sum() == 100
 
 

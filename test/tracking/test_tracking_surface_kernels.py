@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from etd_ros.tracking.surface_kernels import gather, keep_times
+from etd_ros.tracking.surface_kernels import keep_times, kept_points
 
 
 @settings(deadline=None)
@@ -29,12 +29,12 @@ def test_points_are_the_events_young_enough_with_their_ages_and_polarities():
     times = np.full((4, 5, 2), -1, np.int64)
     times[1, 2, 0], times[3, 4, 1], times[0, 0, 0] = 900, 1000, 100
     points = np.zeros((8, 4), np.float32)
-    assert gather(times, 1000, 500, 0, 4, 0, 5, points) == 2
+    assert kept_points(times, 1000, 500, 0, 4, 0, 5, points) == 2
     np.testing.assert_allclose(points[:2], [[2.5, 1.5, 1e-7, 1.0], [4.5, 3.5, 0.0, -1.0]])
 
 
 def test_more_points_than_there_is_room_for_are_left_out():
     times = np.full((4, 5, 2), 1000, np.int64)
     points = np.zeros((8, 4), np.float32)
-    assert gather(times, 1000, 500, 0, 4, 0, 5, points[:7]) == 7
+    assert kept_points(times, 1000, 500, 0, 4, 0, 5, points[:7]) == 7
     np.testing.assert_array_equal(points[7], 0)
