@@ -14,6 +14,7 @@ from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
+from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.pointed_object import PointedObject
 from etd_ros.tracking.surface import TimeSurface
 from msg_adapters import ENCODINGS, Layout, decoder_for
@@ -90,8 +91,12 @@ def _track() -> None:
             # A node that gets its frames as messages may not write to them, which is another type to a kernel.
             frame.flags.writeable = step % 2 == 0
             tracker.update((step + 1) * STEP_NS, frame)
-    # No look here is at noise alone.
-    TimeSurface(SENSOR_SIDE, SENSOR_SIDE).shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
+    # No look here is at noise alone, or before what moves otherwise.
+    surface = TimeSurface(SENSOR_SIDE, SENSOR_SIDE)
+    surface.shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
+    backdrop = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).backdrop
+    backdrop.velocity, backdrop.is_settled = np.array([1000.0, 0.0]), True
+    backdrop.keep_own(*surface.points((0, 8, 0, 8), 0.1), np.array([16.0, 16.0, 1.0, 0.0]), np.zeros(2), 0.1)
 
 
 def _discover() -> None:

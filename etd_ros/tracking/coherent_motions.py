@@ -36,6 +36,17 @@ APART_ROUNDS = 3
 BEHIND_WEIGHT = 0.7
 """How much less an event counts that moves like the ring."""
 AGREED_FLOOR = 0.1
+RING_ALIKE_MIN = 0.8
+"""The parts of the ring are at least so much alike where it moves as one."""
+LEFT_OVER = 0.3
+"""An event that agrees with the ring so many times as well as one does on average counts half."""
+OWN_STEP_PX, OWN_STEPS = 2.0, 6
+"""What moves otherwise than the ring is looked for up to so many of these steps away from its motion (pixels at the end
+of the motion)."""
+OWN_ALIKE_MIN = 0.45
+APART_PX = 2.5
+"""Two motions that differ by less are one (pixels at the end of the motion)."""
+EVENTS_MIN = 20
 
 
 class Motion(NamedTuple):
@@ -56,6 +67,14 @@ class Motion(NamedTuple):
                 one of these is enough.
         """
         return any(self.alike >= alike and self.agreement > times * near.agreement for alike, times in trust)
+
+
+class Apart(NamedTuple):
+    """A target that was told from what moves as one round it: its velocity (pixels/s), and the events that are its own,
+    shape (n, 4)."""
+
+    velocity: Float64Array
+    events: Float32Array
 
 
 class CoherentMotions:
@@ -122,6 +141,56 @@ class CoherentMotions:
             shares = np.asarray(of_pixel * own / (own + BEHIND_WEIGHT * behind), np.float32)
             velocity = self._near(events, time_s, shares, self._weight, velocity).velocity
         return velocity
+
+    def apart_from(
+        self, behind: Float64Array, events: Float32Array, time_s: float, velocity: Float64Array
+    ) -> Apart | None:
+        """The target told from what moves as one round it, if that moves otherwise.
+
+        What lies behind a target may make most of the events in its box, which agree best at the velocity of that, or
+        between both. What is left when the events that agree with the ring are taken away agrees at the target's own.
+
+        Args:
+            behind: about how what is round it moves (pixels/s).
+            events: of the start.
+            time_s: since the start (s).
+            velocity: of the target as believed so far (pixels/s).
+        """
+        some = some_of(events)
+        of_pixel = shares_of_pixels(some)
+        ring = self._near(some, time_s, of_pixel, self._ring, behind)
+        if ring.alike < RING_ALIKE_MIN:
+            return None
+        own = self._left_over(some, time_s, of_pixel, ring.velocity, velocity)
+        if own is None:
+            if math.dist(ring.velocity, velocity) * time_s < APART_PX:
+                return None
+            own = self.told_apart(events, time_s, velocity)
+        is_own = self._agreements(events, time_s, own) > self._agreements(events, time_s, ring.velocity)
+        kept = np.ascontiguousarray(events[is_own])
+        if len(kept) < EVENTS_MIN:
+            return Apart(own, events)
+        return Apart(self.near(kept, time_s, own).velocity, kept)
+
+    def _left_over(
+        self, events: Float32Array, time_s: float, shares: Float32Array, ring: Float64Array, believed: Float64Array
+    ) -> Float64Array | None:
+        """The velocity at which what does not agree with that of the ring agrees best, if it is neither the one
+        believed so far nor worse."""
+        behind = self._agreements(events, time_s, ring)
+        half = LEFT_OVER * float(behind.mean())
+        shares = np.asarray(shares * half / (half + behind), np.float32)
+        steps = range(-OWN_STEPS, OWN_STEPS + 1)
+        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= OWN_STEPS)
+        tried = (
+            self._at(events, time_s, shares, self._weight, ring + offset * (OWN_STEP_PX / time_s)) for offset in offsets
+        )
+        coarse = max(tried, key=lambda motion: motion.agreement)
+        own = self._near(events, time_s, shares, self._weight, coarse.velocity)
+        known = self._near(events, time_s, shares, self._weight, believed)
+        is_other = math.dist(own.velocity, believed) * time_s >= APART_PX
+        is_better = own.agreement >= known.agreement and own.alike >= max(OWN_ALIKE_MIN, known.alike - 0.01)
+        return own.velocity if is_other and is_better else None
 
     def _near(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array

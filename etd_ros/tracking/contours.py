@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.backdrop import Backdrop
 from etd_ros.tracking.body import Body
 from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
@@ -86,6 +87,7 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
+        self.backdrop = Backdrop((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     @property
     def sweep_px_s(self) -> float:
@@ -159,7 +161,8 @@ class Contours:
                 and places twice as far away are looked at.
         """
         radius_px = self.config.search_radius * (2 if any_motion else 1)
-        return self.look_at(surface, *self.body.predicted(surface.stamp_ns), radius_px, any_motion=any_motion)
+        x, y = self.body.predicted(surface.stamp_ns)
+        return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
     def look_at(
         self,
@@ -168,6 +171,8 @@ class Contours:
         y: float,
         radius_px: float,
         any_motion: bool = True,
+        *,
+        own_alone: bool = False,
     ) -> Look:
         """Fit the model to the newest events round a place (pixels).
 
@@ -177,6 +182,7 @@ class Contours:
             y: the row in the middle (pixels).
             radius_px: how far from it (pixels).
             any_motion: as for `look`.
+            own_alone: leave out the events of what moves otherwise round the target.
         """
         config, body = self.config, self.body
         box = body.box_at(x, y).scaled(MARGIN)
@@ -184,6 +190,8 @@ class Contours:
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)
         pose = np.array([x, y, *body.changed(surface.stamp_ns)])
+        if own_alone:
+            count = self.backdrop.keep_own(points, count, pose, body.velocity, span_s)
         maps, norms, velocity, motion = self._maps, self._norms, body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, body.pose, config.ridge_weight,
@@ -222,7 +230,9 @@ class Contours:
         box = self.body.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
+        self._see_backdrop(surface, span_s)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
+        count = self.backdrop.keep_own(points, count, self.body.pose, self.body.velocity, span_s)
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1
@@ -375,6 +385,15 @@ class Contours:
             )
             # What something covers seems to shrink.
             body.growing.per_s += (1 - self.covered) * correction
+
+    def _see_backdrop(self, surface: TimeSurface, span_s: float) -> None:
+        """See how what is round the target moves, where it is time."""
+        backdrop, body = self.backdrop, self.body
+        if backdrop.is_due(surface.stamp_ns):
+            seen_s = backdrop.span_s
+            window = surface.window(body.box.scaled(MARGIN), KEPT_MARGIN_PX)
+            backdrop.see(*surface.points(window, seen_s), body.pose, seen_s)
+            backdrop.see_again(surface.stamp_ns, body.velocity, span_s)
 
     def _note_direction(self) -> None:
         motion = self.body.motion * (1.0, 1.0, self._arm_px, self._arm_px)

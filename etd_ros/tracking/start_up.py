@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, CoherentMotions
+from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions
 from etd_ros.tracking.contour_drawing import splat
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import Contours
@@ -151,9 +151,14 @@ class StartUp:
             or moved >= MOTION_MAX_PX
             or time_s >= TIME_MAX_S
         )
-        if is_over and moved > APART_PX and not any(self._outline_px_s()):
-            # The velocity has been believed for APART_PX.
-            body.velocity = self._motions.told_apart(events, time_s, body.velocity)
+        if is_over and not any(self._outline_px_s()):
+            apart = self._apart(events, time_s)
+            if apart is not None:
+                body.velocity, events = apart
+                moved = body.speed_px_s * time_s
+            elif moved > APART_PX:
+                # The velocity has been believed for APART_PX.
+                body.velocity = self._motions.told_apart(events, time_s, body.velocity)
         body.pose[:2] = self._pose[:2] + body.velocity * time_s
         contours.change_since(self._pose, self._growing_per_s, self._turning_rad_s, time_s)
         body.stamp_ns = surface.stamp_ns
@@ -163,6 +168,14 @@ class StartUp:
         if is_over:
             self._finish(events, moved, surface)
         return is_over
+
+    def _apart(self, events: Float32Array, time_s: float) -> Apart | None:
+        """The target told from what moves as one round it, if that moves otherwise."""
+        backdrop = self._contours.backdrop
+        backdrop.see_start(events, self._pose, time_s)
+        if not backdrop.is_settled or len(events) < EVENTS_MIN:
+            return None
+        return self._motions.apart_from(backdrop.velocity, events, time_s, self._body.velocity)
 
     def _outline_px_s(self) -> tuple[float, float]:
         """How fast its outline moves by turning and by growing (pixels/s)."""

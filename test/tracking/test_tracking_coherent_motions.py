@@ -71,6 +71,42 @@ def test_a_target_is_told_apart_from_the_ring_round_it():
     assert abs(apart[0] - 50) < abs(together[0] - 50)
 
 
+def of_target_and_behind(own, behind):
+    """Events of a small target, and three times as many of what moves as one round and behind it."""
+    return events_of(own, count=400, span=0.6), events_of(behind, count=1200, span=1.6, seed=5)
+
+
+def test_a_target_is_told_from_what_moves_otherwise_round_it_though_that_was_believed():
+    own, behind = np.array([-60.0, 40.0]), np.array([120.0, 0.0])
+    events = np.concatenate(of_target_and_behind(own, behind))
+    apart = motions().apart_from(behind, events, TIME_S, behind)
+    assert np.hypot(*(apart.velocity - own)) * TIME_S < 0.7
+
+
+def test_events_of_what_lies_behind_are_not_those_of_a_target_that_moves_otherwise():
+    own, behind = np.array([-60.0, 40.0]), np.array([120.0, 0.0])
+    of_target, of_others = of_target_and_behind(own, behind)
+    apart = motions().apart_from(behind, np.concatenate([of_target, of_others]), TIME_S, own)
+    kept = set(map(tuple, apart.events))
+    assert np.mean([tuple(event) in kept for event in of_target]) > 0.8
+    assert np.mean([tuple(event) in kept for event in of_others]) < 0.3
+
+
+def test_nothing_is_told_apart_that_moves_alike():
+    behind = np.array([120.0, 0.0])
+    events = np.concatenate(of_target_and_behind(behind, behind))
+    assert motions().apart_from(behind, events, TIME_S, behind) is None
+
+
+def test_nothing_is_told_from_a_ring_that_does_not_move_as_one():
+    own = np.array([-60.0, 40.0])
+    rng = np.random.default_rng(6)
+    strewn = events_of(AT_REST, count=1200, span=1.6)
+    strewn[:, :2] = POSE[:2] + rng.uniform(-0.8, 0.8, (1200, 2)) * SIZE
+    events = np.concatenate([events_of(own, count=400, span=0.6), strewn])
+    assert motions().apart_from(np.array([120.0, 0.0]), events, TIME_S, own) is None
+
+
 @pytest.mark.parametrize(
     ("alike", "agreement", "is_better"), [(0.6, 1.6, True), (0.8, 1.2, True), (0.6, 1.4, False), (0.4, 9.0, False)]
 )
