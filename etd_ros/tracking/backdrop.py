@@ -37,7 +37,7 @@ APART_PX = 2.5
 """By so much more or otherwise it has to move in the time of a look than the target does."""
 OWN_MIN = 12
 """Of fewer events that are left as the target's nothing can be told: all are kept then."""
-AGAIN_S, SELDOM_S = 0.01, 0.04
+AGAIN_S, SELDOM_S = 0.01, 0.08
 """How soon its velocity is told again where it is apart from the target's or in doubt, and where not."""
 
 

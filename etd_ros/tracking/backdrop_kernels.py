@@ -40,11 +40,15 @@ def ring_shift(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
     smooth(halves[0], room)
     smooth(halves[1], room)
     older, newer = halves[0], halves[1]
+    possible = np.sqrt(_energy(older, ring) * _energy(newer, ring))
+    for row in range(older.shape[0]):
+        for column in range(older.shape[1]):
+            older[row, column] *= ring[row, column]
     scores = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
     below = right = 0
     for down in range(-reach, reach + 1):
         for across in range(-reach, reach + 1):
-            score = _correlation(older, newer, ring, across, down)
+            score = _correlation(older, newer, across, down)
             scores[down + reach, across + reach] = score
             if score > scores[below + reach, right + reach]:
                 below, right = down, across
@@ -54,7 +58,6 @@ def ring_shift(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
     along_x = right + _top(line[right + reach - 1], best, line[right + reach + 1])
     along_y = below + _top(scores[below + reach - 1, right + reach], best, scores[below + reach + 1, right + reach])
     size_px = cell_px * pose[2]
-    possible = np.sqrt(_correlation(older, older, ring, 0, 0) * _correlation(newer, newer, ring, 0, 0))
     return along_x * size_px, along_y * size_px, float(best / max(possible, 1e-6))
 
 
@@ -106,13 +109,26 @@ def smooth(drawn: Float32Array, room: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _correlation(older: Float32Array, newer: Float32Array, ring: Float32Array, across: int, down: int) -> float:
-    """Sum of the products of both, the second one so many cells farther to the right and below, weighed."""
+def _energy(drawn: Float32Array, ring: Float32Array) -> float:
+    """Sum of the squares in the ring."""
     rows, columns = ring.shape
     found = np.float32(0)
+    for row in range(rows):
+        for column in range(columns):
+            found += ring[row, column] * drawn[row, column] * drawn[row, column]
+    return float(found)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _correlation(older: Float32Array, newer: Float32Array, across: int, down: int) -> float:
+    """Sum of the products of both, the second one so many cells farther to the right and below."""
+    rows, columns = older.shape
+    found = np.float32(0)
+    left, right = max(0, -across), min(columns, columns - across)
     for row in range(max(0, -down), min(rows, rows - down)):
-        for column in range(max(0, -across), min(columns, columns - across)):
-            found += ring[row, column] * older[row, column] * newer[row + down, column + across]
+        line, other = older[row, left:right], newer[row + down, left + across : right + across]
+        for column in range(right - left):
+            found += line[column] * other[column]
     return float(found)
 
 
