@@ -17,7 +17,7 @@ CELL = 1.5
 """Cells of its grid in those of the model."""
 BOX_MARGIN = 1.1
 """Width and height in those of the box of what is left out of the ring round the target."""
-PARTS = 4
+PARTS = 3
 """The time of a look is taken in so many parts, whose events have to agree."""
 MOTION_PX, SPAN_S = 4.0, (0.006, 0.04)
 """Its velocity is told from the events of so much motion, within these times."""
