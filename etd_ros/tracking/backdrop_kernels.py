@@ -40,7 +40,7 @@ def ring_shift(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
     smooth(halves[0], room)
     smooth(halves[1], room)
     older, newer = halves[0], halves[1]
-    possible = np.sqrt(_energy(older, ring) * _energy(newer, ring))
+    of_older = _energy(older, ring, 0, 0)
     for row in range(older.shape[0]):
         for column in range(older.shape[1]):
             older[row, column] *= ring[row, column]
@@ -58,6 +58,7 @@ def ring_shift(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
     along_x = right + _top(line[right + reach - 1], best, line[right + reach + 1])
     along_y = below + _top(scores[below + reach - 1, right + reach], best, scores[below + reach + 1, right + reach])
     size_px = cell_px * pose[2]
+    possible = np.sqrt(of_older * _energy(newer, ring, right, below))
     return along_x * size_px, along_y * size_px, float(best / max(possible, 1e-6))
 
 
@@ -109,13 +110,13 @@ def smooth(drawn: Float32Array, room: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _energy(drawn: Float32Array, ring: Float32Array) -> float:
-    """Sum of the squares in the ring."""
+def _energy(drawn: Float32Array, ring: Float32Array, across: int, down: int) -> float:
+    """Sum of the squares in the ring if that lies so many cells farther to the right and below."""
     rows, columns = ring.shape
     found = np.float32(0)
-    for row in range(rows):
-        for column in range(columns):
-            found += ring[row, column] * drawn[row, column] * drawn[row, column]
+    for row in range(max(0, -down), min(rows, rows - down)):
+        for column in range(max(0, -across), min(columns, columns - across)):
+            found += ring[row, column] * drawn[row + down, column + across] ** 2
     return float(found)
 
 

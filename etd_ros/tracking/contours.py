@@ -162,6 +162,7 @@ class Contours:
         """
         radius_px = self.config.search_radius * (2 if any_motion else 1)
         x, y = self.body.predicted(surface.stamp_ns)
+        self._see_backdrop(surface, x, y)
         return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
     def look_at(
@@ -230,7 +231,6 @@ class Contours:
         box = self.body.box.scaled(MARGIN)
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
-        self._see_backdrop(surface, span_s)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
         count = self.backdrop.keep_own(points, count, self.body.pose, self.body.velocity, span_s)
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
@@ -386,14 +386,14 @@ class Contours:
             # What something covers seems to shrink.
             body.growing.per_s += (1 - self.covered) * correction
 
-    def _see_backdrop(self, surface: TimeSurface, span_s: float) -> None:
-        """See how what is round the target moves, where it is time."""
+    def _see_backdrop(self, surface: TimeSurface, x: float, y: float) -> None:
+        """See how what is round the target moves, where it is time; its centre should be there (pixels)."""
         backdrop, body = self.backdrop, self.body
         if backdrop.is_due(surface.stamp_ns):
             seen_s = backdrop.span_s
-            window = surface.window(body.box.scaled(MARGIN), KEPT_MARGIN_PX)
-            backdrop.see(*surface.points(window, seen_s), body.pose, seen_s)
-            backdrop.see_again(surface.stamp_ns, body.velocity, span_s)
+            window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
+            backdrop.see(*surface.points(window, seen_s), np.array([x, y, body.pose[SCALE], 0.0]), seen_s)
+            backdrop.see_again(surface.stamp_ns, body.velocity, self._span_s(surface.stamp_ns))
 
     def _note_direction(self) -> None:
         motion = self.body.motion * (1.0, 1.0, self._arm_px, self._arm_px)
