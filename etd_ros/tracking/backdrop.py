@@ -12,6 +12,7 @@ import numpy as np
 
 from etd_ros.tracking.backdrop_kernels import keep_own, ring_shift
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
+from etd_ros.tracking.surface import NEVER_NS, TimeSurface, Window
 
 CELL = 1.5
 """Cells of its grid in those of the model."""
@@ -70,7 +71,7 @@ class Backdrop:
         self._halves = np.zeros((2, rows, columns), np.float32)
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
-        self._next_ns: int | None = None
+        self._next_ns = NEVER_NS
 
     @property
     def span_s(self) -> float:
@@ -78,9 +79,31 @@ class Backdrop:
         shortest_s, longest_s = SPAN_S
         return min(max(MOTION_PX / max(math.hypot(*self.velocity.tolist()), 1.0), shortest_s), longest_s)
 
-    def is_due(self, stamp_ns: int) -> bool:
-        """Whether it is time (ns) to see how it moves."""
-        return self._next_ns is None or stamp_ns >= self._next_ns
+    def look(
+        self,
+        surface: TimeSurface,
+        window: Window,
+        pose: Float64Array,
+        velocity: Float64Array,
+        span_s: float,
+    ) -> None:
+        """See how it moves now, if it is time: soon where it is in doubt, or can be told from the target.
+
+        Args:
+            surface: the events.
+            window: where they are known round the target.
+            pose: where the target should be, upright, as that of `Body`.
+            velocity: of the target (pixels/s).
+            span_s: the time of a look at it (s).
+        """
+        # A stream that starts again is before what it was waited for.
+        if 0 < self._next_ns - surface.stamp_ns <= SELDOM_S * 1e9:
+            return
+        seen_s = self.span_s
+        self.see(*surface.points(window, seen_s), pose, seen_s)
+        is_in_doubt = self.is_known and not self.is_settled
+        wait_s = AGAIN_S if is_in_doubt or self.is_apart(velocity, span_s) else SELDOM_S
+        self._next_ns = surface.stamp_ns + round(wait_s * 1e9)
 
     def see(self, points: Float32Array, count: int, pose: Float64Array, span_s: float) -> None:
         """Tell the velocity from the events of a time (s), round the target's pose at its end."""
@@ -103,13 +126,6 @@ class Backdrop:
         points[:, AGE] += np.float32(time_s)
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
-
-    def see_again(self, stamp_ns: int, velocity: Float64Array, span_s: float) -> None:
-        """Choose when to see it next: soon where it is in doubt, or can be told from a target of a velocity (pixels/s)
-        in the time of a look (s)."""
-        is_in_doubt = self.is_known and not self.is_settled
-        wait_s = AGAIN_S if is_in_doubt or self.is_apart(velocity, span_s) else SELDOM_S
-        self._next_ns = stamp_ns + round(wait_s * 1e9)
 
     def is_apart(self, velocity: Float64Array, span_s: float) -> bool:
         """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""

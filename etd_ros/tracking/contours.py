@@ -161,8 +161,11 @@ class Contours:
                 and places twice as far away are looked at.
         """
         radius_px = self.config.search_radius * (2 if any_motion else 1)
-        x, y = self.body.predicted(surface.stamp_ns)
-        self._see_backdrop(surface, x, y)
+        body = self.body
+        x, y = body.predicted(surface.stamp_ns)
+        window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
+        pose = np.array([x, y, body.pose[SCALE], 0.0])
+        self.backdrop.look(surface, window, pose, body.velocity, self._span_s(surface.stamp_ns))
         return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
     def look_at(
@@ -385,15 +388,6 @@ class Contours:
             )
             # What something covers seems to shrink.
             body.growing.per_s += (1 - self.covered) * correction
-
-    def _see_backdrop(self, surface: TimeSurface, x: float, y: float) -> None:
-        """See how what is round the target moves, where it is time; its centre should be there (pixels)."""
-        backdrop, body = self.backdrop, self.body
-        if backdrop.is_due(surface.stamp_ns):
-            seen_s = backdrop.span_s
-            window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
-            backdrop.see(*surface.points(window, seen_s), np.array([x, y, body.pose[SCALE], 0.0]), seen_s)
-            backdrop.see_again(surface.stamp_ns, body.velocity, self._span_s(surface.stamp_ns))
 
     def _note_direction(self) -> None:
         motion = self.body.motion * (1.0, 1.0, self._arm_px, self._arm_px)

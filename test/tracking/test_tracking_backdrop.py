@@ -106,13 +106,31 @@ def test_all_are_kept_where_both_move_alike_or_nearly_none_would_be_left():
     assert found.keep_own(few.copy(), len(few), POSE, np.array([-150.0, 60.0]), SPAN_S) == len(few)
 
 
+class Surface:
+    """The same events whenever it is asked, and how often it was."""
+
+    def __init__(self, points):
+        self.stamp_ns, self.asked, self._points = 0, 0, points
+
+    def points(self, window, span_s):
+        self.asked += 1
+        return self._points, len(self._points)
+
+
 @pytest.mark.parametrize(("velocity", "wait_s"), [((-50.0, 0.0), AGAIN_S), ((150.0, -40.0), SELDOM_S)])
 def test_it_is_looked_at_soon_where_it_can_be_told_from_the_target(velocity, wait_s):
-    found = seen(points_of((150.0, -60.0)))
-    assert found.is_due(0)
-    found.see_again(0, np.array(velocity), SPAN_S)
-    assert not found.is_due(round(wait_s * 1e9) - 1)
-    assert found.is_due(round(wait_s * 1e9))
+    found, surface = seen(points_of((150.0, -60.0))), Surface(points_of((150.0, -60.0)))
+
+    def asked_by(stamp_ns):
+        surface.stamp_ns = stamp_ns
+        found.look(surface, (0, 0, 0, 0), POSE, np.array(velocity), SPAN_S)
+        return surface.asked
+
+    assert asked_by(0) == 1
+    assert asked_by(round(wait_s * 1e9) - 1) == 1
+    assert asked_by(round(wait_s * 1e9)) == 2
+    # The stream starts again.
+    assert asked_by(-(10**12)) == 3
 
 
 @given(arrays(np.float32, (7, 9), elements=st.floats(-10, 10, width=32)))
