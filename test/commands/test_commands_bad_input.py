@@ -175,6 +175,33 @@ def test_an_older_result_survives_a_failure(capsys, place, tmp_path):
     assert (place / "tracks.csv").read_text() == "older"
 
 
+@pytest.mark.parametrize("name", ["bag.mcap", "metadata.yaml"])
+@pytest.mark.parametrize("command", ["track", "calibrate", "nzge"])
+def test_no_file_in_the_folder_of_a_recording_is_overwritten(capsys, place, tmp_path, command, name):
+    recording = command_bags.sound(tmp_path / "bag")
+    before = (recording / name).read_bytes()
+    arguments = [command, str(recording), "--output", str(recording / name)]
+    assert_refused(capsys, place, [*arguments, *(["--target", TARGET] if command == "track" else [])], name, "is read")
+    assert (recording / name).read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["track", "calibrate", "nzge"])
+def test_the_parameter_file_is_not_overwritten(capsys, place, bag, tmp_path, command):
+    config = tmp_path / "sensor.yaml"
+    config.write_text("/**:\n  ros__parameters:\n    atsltd: {cell_size: 4}\n")
+    arguments = [command, bag, "--config", str(config), "--output", str(config)]
+    assert_refused(
+        capsys, place, [*arguments, *(["--target", TARGET] if command == "track" else [])], "sensor.yaml", "is read"
+    )
+
+
+def test_tracks_beside_the_recording_are_written_and_written_again(place, bag, tmp_path):
+    tracks = Path(bag) / "tracks.csv"
+    for _ in range(2):
+        assert main(["track", bag, "--target", TARGET, "--output", str(tracks)]) == 0
+        assert tracks.is_file()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
