@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ from etd_ros.nodes.target_limits import (
     Refusals,
     named,
 )
-from etd_ros.nodes.target_memory import TargetMemory
+from etd_ros.nodes.target_memory import Remembered, TargetMemory
 from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
 from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets_from_text, unique_targets
@@ -150,7 +151,7 @@ class TargetInput:
 
     def note(self, stamp_ns: int, tracker: MultiTracker, reports: tuple[TargetReport, ...]) -> None:
         """What a frame brought: remembered, and said in the log where clicks start nothing."""
-        self._memory.note(stamp_ns, reports)
+        self._memory.note(stamp_ns, reports, self._class_of)
         for notice in tracker.take_notices():
             self._node.warn(notice)
         self._lost.note(stamp_ns, reports)
@@ -162,19 +163,26 @@ class TargetInput:
         new box already are left out."""
         starts: dict[str, TargetStart | None] = {}
         for target in self._memory.recall(stamp_ns):
+            self._know_class(target)
             if target.name in asked_for:
                 continue
             if target.was_lost:
                 self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
                 starts[target.name] = None
             elif target.name in self._targets or len(self._targets) < self._node.options.targets_max:
-                class_id = self._class_of(target.name)
+                class_id = self._class_of(target.name) or target.class_id
                 starts[target.name] = start = TargetStart(target.name, target.box, class_id=class_id)
                 self._targets.setdefault(target.name, start)
                 self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
             else:
                 self._refuse_for_room([target.name])
         return starts
+
+    def _know_class(self, remembered: Remembered) -> None:
+        """What is asked for again without a class is what it was before."""
+        asked_for = self._targets.get(remembered.name)
+        if asked_for is not None and not asked_for.class_id:
+            self._targets[remembered.name] = dataclasses.replace(asked_for, class_id=remembered.class_id)
 
     def _say_off_sensor(self, size: tuple[int, int], refused: dict[str, OffSensorError]) -> None:
         """Count and say once for each sensor which targets it does not hold."""
