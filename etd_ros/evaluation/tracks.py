@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation.table import Row, read_rows
+from etd_ros.evaluation.truth import CLASS_COLUMN
 from etd_ros.output_files import written_beside
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 REQUIRED_COLUMNS = ("stamp_ns", "target", "x", "y", "w", "h")
 TRACKS_COLUMNS = (*REQUIRED_COLUMNS, "score", "state")
-CLASS_COLUMN = "class"
 
 
 @dataclass(frozen=True, slots=True)
