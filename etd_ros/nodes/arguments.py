@@ -13,21 +13,34 @@ from etd_ros.errors import EtdError
 from etd_ros.nodes.ros_errors import ros_error
 from etd_ros.settings import described_settings
 
+BEGIN_ROS, END_ROS = "--ros-args", "--"
+
 
 class ArgumentError(EtdError):
     """A word on the command line that means nothing."""
 
 
 def own_arguments(arguments: list[str]) -> list[str]:
-    """The program's arguments without its name and without those that are ROS's.
+    """The program's arguments without its name and without those that are ROS's: what stands between --ros-args and --.
+
+    Without --ros-args ROS would take `auto:=true` for a remapping of an earlier day, and what was meant as a parameter
+    would be passed over: that is the program's own, too.
 
     Raises:
         RosError: ROS's ones are wrong.
     """
+    own: list[str] = []
+    of_ros: list[str] = []
+    is_ros = False
+    for word in arguments[1:]:
+        is_ros = is_ros or word == BEGIN_ROS
+        (of_ros if is_ros else own).append(word)
+        is_ros = is_ros and word != END_ROS
     try:
-        return list(remove_ros_args(arguments)[1:])
+        remove_ros_args([*arguments[:1], *of_ros])
     except RuntimeError as err:
         raise ros_error(err) from err
+    return own
 
 
 def refuse_stray_words(arguments: list[str]) -> None:

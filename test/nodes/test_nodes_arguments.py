@@ -2,6 +2,8 @@
 
 import pytest
 
+from etd_ros.nodes.arguments import own_arguments
+
 
 @pytest.mark.parametrize("name", ["tracker", "replay"])
 @pytest.mark.parametrize(
@@ -16,12 +18,26 @@ def test_arguments_that_ros_refuses_are_one_line_and_exit_code_2(bench, reposito
     assert "Traceback" not in bench.log(name)
 
 
+@pytest.mark.parametrize("words", [("targets:=ball:1,2,3,4", "auto"), ("auto:=true",)])
 @pytest.mark.parametrize("name", ["accumulator", "pipeline"])
-def test_words_that_mean_nothing_are_one_line_and_exit_code_2(bench, name):
-    assert bench.start(name, "targets:=ball:1,2,3,4", "auto").wait(timeout=60) == 2
+def test_words_that_mean_nothing_are_one_line_and_exit_code_2(bench, name, words):
+    assert bench.start(name, *words).wait(timeout=60) == 2
     (line,) = bench.log(name).splitlines()
-    assert line.startswith("etd_ros: targets:=ball:1,2,3,4 auto: ")
+    assert line.startswith(f"etd_ros: {' '.join(words)}: ")
     assert "--ros-args -p NAME:=VALUE" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "own"),
+    [
+        ([], []),
+        (["a", "--rate", "2"], ["a", "--rate", "2"]),
+        (["a", "--ros-args", "-r", "b:=c", "-p", "d:=1", "--", "e", "--ros-args", "-r", "f:=g"], ["a", "e"]),
+        (["auto:=true", "--ros-args"], ["auto:=true"]),
+    ],
+)
+def test_what_stands_outside_of_ros_s_arguments_is_the_program_s_own(arguments, own):
+    assert own_arguments(["program", *arguments]) == own
 
 
 def warnings_of(bench, name: str) -> list[str]:
