@@ -293,17 +293,24 @@ class EtdNode(LifecycleNode):
         service = self._service_change_state
         change = service.callback
 
+        def refuse(asked: object, why: str, response: Any) -> Any:
+            self.errors += 1
+            self.warn(f"transition {asked} is refused: the node is {self.phase.value} ({why})")
+            response.success = False
+            return response
+
         def answer(request: Any, response: Any) -> Any:
+            label = request.transition.label
+            # rclpy would answer a name that it cannot follow in silence.
+            labels = {label for _, label, *_ in self._state_machine.available_transitions}
+            if label and label not in labels:
+                return refuse(label, f"from here it takes {', '.join(sorted(labels))}", response)
             try:
                 return change(request, response)
             except RuntimeError as err:  # rclpy's own error for this has no public name
                 if not self.context.ok():
                     raise
-                self.errors += 1
-                asked = request.transition.label or request.transition.id
-                self.warn(f"transition {asked} is refused: the node is {self.phase.value} ({ros_reason(err)})")
-                response.success = False
-                return response
+                return refuse(label or request.transition.id, ros_reason(err), response)
 
         service.callback = answer
 

@@ -41,11 +41,16 @@ def test_a_node_goes_through_its_life_cycle_and_back_and_ends(bench, name):
 def test_a_transition_that_cannot_be_is_refused_and_the_node_goes_on(bench, name):
     bench.start(name)
     bench.wait_until(lambda: phase(bench, name) == "active", "it is active")
-    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE, 200):
-        request = ChangeState.Request(transition=Transition(id=number))
+    numbers = [
+        Transition(id=number) for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE, 200)
+    ]
+    labels = [Transition(label=label) for label in ("activate", "fly")]
+    for transition in (*labels, *numbers):
+        request = ChangeState.Request(transition=transition)
         assert not bench.call(ChangeState, f"/{name}/change_state", request).success
     assert "transition 1 is refused: the node is active" in bench.log(name)
-    bench.wait_until(lambda: bench.figure(name, "errors") == "3", "the three are counted")
+    assert "transition activate is refused: the node is active (from here it takes deactivate, " in bench.log(name)
+    bench.wait_until(lambda: bench.figure(name, "errors") == "5", "the five are counted")
     assert bench.change_state(name, "deactivate", "activate")
     bench.wait_until(lambda: phase(bench, name) == "active", "it goes on")
 
