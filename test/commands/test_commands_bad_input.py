@@ -208,13 +208,13 @@ def test_tracks_beside_the_recording_are_written_and_written_again(place, bag, t
         (["--method", "guess"], ("guess", "etd-nr")),
         (["--set", "tracking.failure_iou=7"], ("failure_iou", "[0, 1]")),
         (["--set", "tracking.failure_iou=nan"], ("failure_iou", "finite")),
-        (["--set", "tracking.failure_iou=much"], ("failure_iou", "float")),
+        (["--set", "tracking.failure_iou=much"], ("failure_iou", "a number")),
         (["--set", "tracking.failure_iou=["], ("failure_iou",)),
         (["--set", "tracking.failure_iou=2020-13-45"], ("failure_iou",)),
         (["--set", f"tracking.failure_iou={'9' * 5000}"], ("failure_iou",)),
         (["--set", "tracking.failure_iou"], ("NAME=VALUE",)),
         (["--set", "tracking.luck=1"], ("luck", "failure_iou")),
-        (["--set", "luck=1"], ("luck", "tracking.failure_iou")),
+        (["--set", "luck=1"], ("luck", "etd_ros parameters")),
         (["--config", "missing.yaml"], ("missing.yaml",)),
     ],
 )
@@ -263,6 +263,26 @@ def test_simulate_refuses_an_output_that_cannot_be_written(capsys, place):
 @pytest.mark.parametrize("rate", ["0", "-1", "nan", "1e9"])
 def test_replay_refuses_a_rate_out_of_range(capsys, place, bag, rate):
     assert_refused(capsys, place, ["replay", bag, f"--rate={rate}"], "--rate")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ("COMMAND", "python -m etd_ros --help")),
+        (["trak"], ("'trak'", "'track'", "python -m etd_ros --help")),
+        (["track"], ("--output", "python -m etd_ros track --help")),
+        (["track", "a", "--output", "b", "--size", "big"], ("--size", "640x480", "python -m etd_ros track --help")),
+        (["simulate", "nothing"], ("'nothing'", "'trio'", "python -m etd_ros simulate --help")),
+    ],
+)
+def test_words_that_no_command_takes_are_one_line_with_where_to_look(capsys, place, arguments, words):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("etd_ros: ")
+    for word in words:
+        assert word in line
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,26 @@ def test_what_stands_outside_of_ros_s_arguments_is_the_program_s_own(arguments, 
     assert own_arguments(["program", *arguments]) == own
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("queue_s:=1", "parameter queue_s needs a number from 0.001 to 3600, not 1: write it as in 0.08"),
+        ("queue_s:=-1.0", "parameter queue_s needs a number from 0.001 to 3600, not -1.0: write it as in 0.08"),
+        ("auto:=1", "parameter auto needs true or false, not 1: write it as in false"),
+        ("targets:=5", "parameter targets needs a text, not 5: write it as in '5'"),
+        ("targets_max:=2.0", "parameter targets_max needs a whole number from 1 to 1000, not 2.0: write it as in 64"),
+        (
+            "contours.person_classes:=dog",
+            "parameter contours.person_classes needs a list of texts, not 'dog': write it as in [person, pedestrian]",
+        ),
+    ],
+)
+def test_a_parameter_of_another_kind_is_one_line_with_an_example(bench, given, words):
+    assert bench.start("pipeline", ros=("-p", given)).wait(timeout=60) == 2
+    (line,) = bench.log("pipeline").splitlines()
+    assert line == f"etd_ros: {words}"
+
+
 def warnings_of(bench, name: str) -> list[str]:
     return [line for line in bench.log(name).splitlines() if "no parameters of this node" in line]
 
