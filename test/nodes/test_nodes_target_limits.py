@@ -17,8 +17,8 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.events import Events
 from etd_ros.nodes.connections import FRAME_QOS
-from etd_ros.nodes.target_input import names_of
 from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes
+from etd_ros.nodes.target_places import names_of
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import (
     Detection,
