@@ -225,7 +225,9 @@ class Pipeline(EtdNode):
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
-        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions, frame.nzge)
+        self._output.publish(
+            frame.stamp_ns, frame_id, frame.data, image, reports, regions, self._targets.class_of, frame.nzge
+        )
         self.latencies.note(origin.received_s)
         return self._tracker.longest_frame_s()
 

@@ -62,6 +62,10 @@ class TargetInput:
         """How many are followed, or will be from the first frame on."""
         return len(self._places)
 
+    def class_of(self, name: str) -> str:
+        """What a target was said to be; "" if nobody said."""
+        return self._places.class_of(name)
+
     def open(self) -> None:
         """Listen."""
         self._node.reader(Detection2DArray, "~/targets", self._receive)

@@ -144,12 +144,12 @@ def test_a_person_is_one_after_a_restart_too(bench, tmp_path, of_class, is_uprig
         bench.start("tracker", ros=tuple(words))
         bench.wait_until(lambda: images.get_subscription_count() == 1, "frames are read")
 
-    def track(part: list[Frame]) -> list[Box]:
+    def track(part: list[Frame]) -> list[Detection]:
         before = len(found)
         for number, frame in enumerate(part, before + 1):
             images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
             bench.wait_until(lambda number=number: len(found) == number, "the frame is tracked")
-        return [item.box for message in found[before:] for item in decode_detections(message).detections]
+        return [item for message in found[before:] for item in decode_detections(message).detections]
 
     def remembered_ns() -> int:
         rows = read_tracks(memory).get("square", []) if memory.is_file() else []
@@ -162,9 +162,10 @@ def test_a_person_is_one_after_a_restart_too(bench, tmp_path, of_class, is_uprig
     bench.wait_until(lambda: images.get_subscription_count() == 0, "it has left")
     at_box = "{},{},{},{}".format(*read_tracks(memory)["square"][-1].box)
     start(*(f"targets:={name}:{at_box}" for name in given_again))
-    boxes = track(frames[BEFORE_RESTART:])
-    proportions = [box.w / box.h for box in boxes]
-    assert len(boxes) == len(frames) - BEFORE_RESTART
+    detections = track(frames[BEFORE_RESTART:])
+    assert {item.class_id for item in detections} == {"person" if of_class else "square"}
+    proportions = [item.box.w / item.box.h for item in detections]
+    assert len(detections) == len(frames) - BEFORE_RESTART
     assert (max(proportions) - min(proportions) < 1e-6) == is_upright
 
 
@@ -186,7 +187,9 @@ def test_a_box_whose_best_class_is_a_person_is_followed_upright(bench, person, i
     for number, frame in enumerate(frames, 1):
         images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
         bench.wait_until(lambda number=number: len(found) == number, "the frame is tracked")
-    boxes = [item.box for message in found for item in decode_detections(message).detections]
+    detections = [item for message in found for item in decode_detections(message).detections]
+    assert {item.class_id for item in detections} == {"Person" if is_upright else "car"}
+    boxes = [item.box for item in detections]
     proportions = [box.w / box.h for box in boxes]
     assert len(boxes) == len(frames)
     assert (max(proportions) - min(proportions) < 1e-6) == is_upright
