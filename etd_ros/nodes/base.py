@@ -235,7 +235,11 @@ class EtdNode(ManagedNode):
             self.on_worker_error,
             self.dropped,
         )
-        super()._activate()
+        try:
+            super()._activate()
+        except Exception:
+            self.worker.stop()
+            raise
 
     def _deactivate(self) -> None:
         self._inputs.clear()

@@ -28,7 +28,7 @@ class ManagedNode(LifecycleNode):
     """A node that says what it does in `configure`, `activate`, `deactivate` and `cleanup`.
 
     Publishers, subscriptions, services and timers that `configure` makes are destroyed after `cleanup`, those that
-    `activate` makes after `deactivate`.
+    `activate` makes after `deactivate`, and either where they fail.
 
     Attributes:
         phase: where it is.
@@ -81,7 +81,7 @@ class ManagedNode(LifecycleNode):
         self._is_starting = False
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters, compile, make what does the work."""
+        """Make what does the work."""
         return self._pass(Phase.INACTIVE, self._configure)
 
     def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
@@ -89,7 +89,7 @@ class ManagedNode(LifecycleNode):
         return self._pass(Phase.ACTIVE, self._activate)
 
     def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Read and publish no more; targets are kept."""
+        """Read and publish no more, and keep what does the work."""
         return self._pass(Phase.INACTIVE, self._deactivate)
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
@@ -159,13 +159,17 @@ class ManagedNode(LifecycleNode):
         self._kept[Phase.UNCONFIGURED] = self._entities()
         try:
             self.configure()
-        except EtdError:
+        except Exception:
             self._destroy_but(self._kept[Phase.UNCONFIGURED])
             raise
 
     def _activate(self) -> None:
         self._kept[Phase.INACTIVE] = self._entities()
-        self.activate()
+        try:
+            self.activate()
+        except Exception:
+            self._destroy_but(self._kept[Phase.INACTIVE])
+            raise
 
     def _deactivate(self) -> None:
         self.deactivate()
