@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
+
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
@@ -12,6 +15,7 @@ from etd_ros.parameters import meant
 from etd_ros.settings import described_settings
 
 BEGIN_ROS, END_ROS = "--ros-args", "--"
+PARAMETER_FILE = "--params-file"
 
 
 class ArgumentError(EtdError):
@@ -62,6 +66,16 @@ def given_parameters(node: Node) -> dict[str, Parameter]:
     not."""
     with node.handle:
         return dict(node.handle.get_parameters(Parameter))
+
+
+def warn_of_files_without_parameters(node: Node) -> None:
+    """In one line, where parameter files were given and hold none for this node, which ROS passes over in silence."""
+    files = [file for option, file in itertools.pairwise(sys.argv) if option == PARAMETER_FILE]
+    if files and not given_parameters(node):
+        node.get_logger().warning(
+            f"{', '.join(files)}: no parameters for {node.get_fully_qualified_name()}: they stand under "
+            "ros__parameters, in a section that has the node's name, or in /** for all nodes"
+        )
 
 
 def warn_of_unknown_parameters(node: Node) -> None:

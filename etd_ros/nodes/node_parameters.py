@@ -17,7 +17,7 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from etd_ros.nodes.arguments import given_parameters, warn_of_unknown_parameters
+from etd_ros.nodes.arguments import given_parameters, warn_of_files_without_parameters, warn_of_unknown_parameters
 from etd_ros.parameters import Description, ParameterError, Parameters, from_mapping, kind_of, parameter
 from etd_ros.parameters import described as described_options
 from etd_ros.settings import Settings, described_settings, settings_from_mapping
@@ -84,6 +84,7 @@ class NodeParameters:
         self._settings_names = self._declare(described_settings(stages))
         self._options_names = self._declare(described_options(options))
         warn_of_unknown_parameters(node)
+        warn_of_files_without_parameters(node)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
 

@@ -1,5 +1,9 @@
 """What stands after --ros-args and is wrong: one line of ours and exit code 2, as for every bad input."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from etd_ros.nodes.arguments import own_arguments
@@ -82,6 +86,23 @@ def test_parameters_of_other_nodes_and_known_ones_are_no_warning(bench, tmp_path
     bench.start("pipeline", ros=("--params-file", str(file)))
     bench.wait_until(lambda: bench.figure("pipeline", "life cycle") == "active", "the node runs")
     assert not warnings_of(bench, "pipeline")
+
+
+@pytest.mark.parametrize("content", ["/pipelines:\n  ros__parameters: {auto: true}\n", "target,x\na,1\n"])
+def test_a_parameter_file_that_holds_none_for_the_node_is_one_warning(bench, tmp_path, content):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(content)
+    # Not by the bench, which gives each node a parameter.
+    with (tmp_path / "tracker.log").open("w") as log:
+        bench.processes["tracker"] = subprocess.Popen(
+            [sys.executable, "-m", "etd_ros.nodes", "tracker", "--ros-args", "--params-file", str(file)],
+            stderr=log,
+            env={**os.environ, "ROS_DOMAIN_ID": str(bench.domain)},
+        )
+    bench.wait_until(lambda: bench.figure("tracker", "life cycle") == "active", "the node runs all the same")
+    (line,) = [line for line in bench.log("tracker").splitlines() if "no parameters for" in line]
+    assert str(file) in line
+    assert "ros__parameters" in line
 
 
 @pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker", "pipeline"])
