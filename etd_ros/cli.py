@@ -7,6 +7,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 
+from etd_ros.commands.one_line_parser import EXIT_BAD_INPUT, OneLineParser
 from etd_ros.errors import EtdError
 
 COMMANDS = (
@@ -24,7 +25,6 @@ COMMANDS = (
     "label",
     "train",
 )
-EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 
 
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """All commands for the help; only the one that is asked for otherwise, since each imports its own libraries."""
-    parser = argparse.ArgumentParser(prog="etd_ros", description="Bounding boxes from event cameras.")
+    parser = OneLineParser(prog="python -m etd_ros", description="Bounding boxes from event cameras.")
     subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     wanted = [name for name in COMMANDS if name == next(iter(arguments), None)]
     for name in wanted or COMMANDS:

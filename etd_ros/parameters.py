@@ -4,14 +4,16 @@ parameters, as command-line settings and as the README's tables."""
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from etd_ros.errors import EtdError
 
 T = TypeVar("T", bound="Parameters")
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
 class ParameterError(EtdError):
@@ -65,9 +67,22 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
     defaults = {name: default for name, default, _ in described(config)}
     unknown = sorted(set(values) - set(defaults))
     if unknown:
-        msg = f"unknown parameter {unknown[0]!r}: known are {', '.join(sorted(defaults))}"
+        msg = f"unknown parameter {unknown[0]!r}{meant(unknown[0], defaults)}: known are {', '.join(sorted(defaults))}"
         raise ParameterError(msg)
     return config(**{name: _convert(name, value, defaults[name]) for name, value in values.items()})
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """After a name that is not known, for a message: which one may be meant, "" if none is like it."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f" (is {near[0]} meant?)" if near else ""
+
+
+def kind_of(default: Any) -> str:
+    """What a parameter with this default takes, in words."""
+    if isinstance(default, tuple):
+        return "a list of texts" if isinstance(default[0], str) else f"a list of {len(default)} numbers"
+    return KINDS[type(default)]
 
 
 def _convert(name: str, value: Any, default: Any) -> Any:
@@ -75,14 +90,13 @@ def _convert(name: str, value: Any, default: Any) -> Any:
         of_texts = isinstance(default[0], str)
         is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)
         if not is_list or not (of_texts or len(value) == len(default)):
-            items = "texts" if of_texts else f"{len(default)} numbers"
-            msg = f"parameter {name} needs a list of {items}, not {value!r}"
+            msg = f"parameter {name} needs {kind_of(default)}, not {value!r}"
             raise ParameterError(msg)
         return tuple(_convert(name, item, default[0]) for item in value)
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not type(default):
-        msg = f"parameter {name} needs a {type(default).__name__}, not {value!r}"
+        msg = f"parameter {name} needs {kind_of(default)}, not {value!r}"
         raise ParameterError(msg)
     return value
 

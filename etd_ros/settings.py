@@ -12,7 +12,7 @@ import yaml
 
 from etd_ros.conversion import AtsltdConfig, FixedCountConfig, FixedWindowConfig, NoiseFilterConfig
 from etd_ros.detection import EdgeBoxesConfig
-from etd_ros.parameters import Description, ParameterError, Parameters, described, from_mapping
+from etd_ros.parameters import Description, ParameterError, Parameters, described, from_mapping, meant
 from etd_ros.reconstruction import HighPassConfig
 from etd_ros.recovery import RecoveryConfig
 from etd_ros.stream import StreamConfig
@@ -60,7 +60,8 @@ def settings_from_mapping(values: Mapping[str, Any]) -> Settings:
     for full_name, value in values.items():
         stage, _, name = full_name.partition(".")
         if stage not in STAGES:
-            msg = f"unknown parameter {full_name!r}: known are {', '.join(name for name, _, _ in described_settings())}"
+            known = [known for known, _, _ in described_settings()]
+            msg = f"unknown parameter {full_name!r}{meant(full_name, known)}: `python -m etd_ros parameters` lists them"
             raise ParameterError(msg)
         by_stage.setdefault(stage, {})[name] = value
     configs: dict[str, Any] = {}

@@ -23,7 +23,8 @@ import numpy as np
 from event_camera_msgs.msg import EventPacket
 from std_srvs.srv import Trigger
 
-from etd_ros.benchmarking.live_bench import NODE, LiveBench, own_place
+from etd_ros.benchmarking.live_bench import LiveBench, own_place
+from etd_ros.benchmarking.live_process import NODE
 from etd_ros.events import Events
 from etd_ros.nodes.connections import EVENT_QOS
 from etd_ros.recordings import open_recording

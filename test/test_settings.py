@@ -18,8 +18,9 @@ def test_a_value_reaches_its_stage():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"failure_iou": 0.4}, "unknown parameter 'failure_iou'"),
-        ({"tracking.failure_oui": 0.4}, "tracking: unknown parameter 'failure_oui'"),
+        ({"failure_iou": 0.4}, r"unknown parameter 'failure_iou' \(is tracking.failure_iou meant\?\): `.* parameters`"),
+        ({"xyzzy": 1}, "unknown parameter 'xyzzy': `python -m etd_ros parameters` lists them"),
+        ({"tracking.failure_oui": 0.4}, r"tracking: unknown parameter 'failure_oui' \(is failure_iou meant\?\)"),
         ({"tracking.failure_iou": 1.4}, "tracking: parameter failure_iou = 1.4 is out of range"),
     ],
 )

@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 import os
 import secrets
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
 from vision_msgs.msg import Detection2DArray
 
-from etd_ros.benchmarking.live_load import NS_PER_S, LoadGenerator, Place, Play, Played
+from etd_ros.benchmarking.live_load import LoadGenerator, Place, Play
+from etd_ros.benchmarking.live_outcome import LOSSES, BoxMessage, Outcome, judged_boxes
 from etd_ros.benchmarking.live_packets import TIME_HIGH_NS
+from etd_ros.benchmarking.live_process import NODE, PipelineProcess
 from etd_ros.benchmarking.live_scene import NS_PER_US, TARGET, TURN_US, LiveScene
 from etd_ros.benchmarking.streams import BenchmarkError
 from etd_ros.boxes import Box
@@ -29,128 +26,18 @@ from etd_ros.nodes.connections import FRAME_QOS, LISTENER_QOS
 from etd_ros.nodes.own_context import Subscription, node_in_own_context
 from msg_adapters import Detection, decode_detections, decode_diagnostics, encode_detections
 
-NODE = "pipeline"
 SHARED_MEMORY_PROFILE = Path(__file__).resolve().parents[2] / "config" / "fastdds_shm.xml"
 DOMAIN_ID_MAX = 100
 TIMEOUT_S = 60.0
-END_TIMEOUT_S = 10.0
 LEAD_NS = 300_000_000
 """From the order to the first event: the target is known to the node by then."""
 
-NS_PER_MS = 1_000_000
-MIB = 2**20
 PERCENTILES = (50, 99)
 OWN_WINDOW_S = 10.0
 """How far back the node looks for its own percentiles."""
 
-Seconds = npt.NDArray[np.float64]
-Milliseconds = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one play.
-
-    Attributes:
-        published: messages that the generator published.
-        duration_s: how long it took for them (s).
-        decoded: messages that the node decoded.
-        losses: by the node's diagnostics, what grew meanwhile of `LOSSES`.
-        unimaged: share of the decoded events that were left out of the images (percent).
-        after_s: when each box's frame ended, since the start of the scene (s), shape (n,).
-        latency_ms: from publishing the message that holds a frame's end to receiving the frame's box, shape (n,).
-        iou: of each box with the truth, 0 where the target had none, shape (n,).
-        resident_mib: memory of the node now and then during the play, shape (m,).
-        own_latency_ms: by percentile, what the node says of its last ten seconds (ms), received to published.
-    """
-
-    published: int
-    duration_s: float
-    decoded: int
-    losses: dict[str, int]
-    unimaged: float
-    after_s: Seconds
-    latency_ms: Milliseconds
-    iou: npt.NDArray[np.float64]
-    resident_mib: npt.NDArray[np.float64]
-    own_latency_ms: dict[int, float]
-
-    @property
-    def is_lossless(self) -> bool:
-        """Whether every message was decoded, and nothing was missed."""
-        return self.decoded == self.published and not any(self.losses.values())
-
-    @property
-    def dropped(self) -> int:
-        """Messages that the node did not decode."""
-        return self.published - self.decoded
-
-
 LEARNING_TURNS = 2
 LEFT_OUT = "events left out of images"
-LOSSES = ("dropped messages", "lost messages", "sequence gaps", "steps back in time", "decode errors", "errors")
-"""Keys of the node's diagnostics of which none may grow."""
-
-
-class Process:
-    """A `pipeline` process, and what it costs.
-
-    Args:
-        place: where it works.
-        log: file for what it prints.
-        parameters: of the node, each as `NAME:=VALUE`.
-    """
-
-    def __init__(self, place: Place, log: Path, parameters: Sequence[str] = ()) -> None:
-        self.started_ns = time.monotonic_ns()
-        self._log = log
-        remaps = ("-r", f"__ns:=/{place.namespace}", "-r", f"~/events:={place.events}")
-        assignments = (word for parameter in parameters for word in ("-p", parameter))
-        with log.open("wb") as output:
-            self._child = subprocess.Popen(
-                [sys.executable, "-m", "etd_ros.nodes", "pipeline", "--ros-args", *remaps, *assignments],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, "ROS_DOMAIN_ID": str(place.domain)},
-            )
-
-    @property
-    def resident_mib(self) -> float:
-        """Resident memory (MiB)."""
-        pages = int(self._proc("statm").split()[1])
-        return pages * os.sysconf("SC_PAGE_SIZE") / MIB
-
-    @property
-    def cpu_s(self) -> float:
-        """CPU time so far, over all threads (s)."""
-        # The name in parentheses may hold spaces.
-        fields = self._proc("stat").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    def check(self) -> None:
-        """Complain if it has ended.
-
-        Raises:
-            BenchmarkError: with the end of what it printed.
-        """
-        if self._child.poll() is not None:
-            lines = self._log.read_text(errors="replace").strip().splitlines()
-            msg = f"the pipeline ended with exit code {self._child.returncode}: {lines[-1] if lines else 'no output'}"
-            raise BenchmarkError(msg)
-
-    def end(self) -> None:
-        """Interrupt it, wait, and kill it if it does not leave."""
-        self._child.send_signal(signal.SIGINT)
-        try:
-            self._child.wait(END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            self._child.wait()
-
-    def _proc(self, name: str) -> str:
-        self.check()
-        return Path(f"/proc/{self._child.pid}/{name}").read_text()
 
 
 class LiveBench:
@@ -165,8 +52,8 @@ class LiveBench:
         self.place = place
         self._folder = folder
         self._ros = node_in_own_context("live_bench", place.domain, place.namespace)
-        self._process: Process | None = None
-        self._boxes: list[tuple[int, bytes]] = []
+        self._process: PipelineProcess | None = None
+        self._boxes: list[BoxMessage] = []
         self._reader: Subscription | None = None
         self._diagnostics: dict[str, str] = {}
         self._diagnostics_ns = 0
@@ -187,7 +74,7 @@ class LiveBench:
         self._ros.__exit__(kind, error, trace)
 
     @property
-    def process(self) -> Process:
+    def process(self) -> PipelineProcess:
         """The node."""
         assert self._process is not None
         return self._process
@@ -195,7 +82,7 @@ class LiveBench:
     def start_pipeline(self, *parameters: str) -> None:
         """Start the node, with parameters as `NAME:=VALUE`; it is ready some seconds later."""
         self._diagnostics = {}
-        self._process = Process(self.place, self._folder / f"{NODE}.log", parameters)
+        self._process = PipelineProcess(self.place, self._folder / f"{NODE}.log", parameters)
 
     def end_pipeline(self) -> None:
         """End the node."""
@@ -268,7 +155,7 @@ class LiveBench:
         while time.monotonic() < end_s:
             self.spin_once()
 
-    def take_boxes(self) -> list[tuple[int, bytes]]:
+    def take_boxes(self) -> list[BoxMessage]:
         """The messages with boxes since the last call, each with when it came (ns on the monotonic clock)."""
         taken, self._boxes = self._boxes, []
         return taken
@@ -326,7 +213,7 @@ class LiveBench:
         decoded = self._decoded_at_rest(before, len(played.published_ns) + learnt) - learnt
         losses = {key: self.figure(key) - int(before.get(key, 0)) for key in LOSSES}
         left_out, events = (self.figure(key) - int(before.get(key, 0)) for key in (LEFT_OUT, "events"))
-        after_s, latency_ms, iou = self._judged(played, scene)
+        after_s, latency_ms, iou = judged_boxes(self.take_boxes(), played, scene)
         return Outcome(
             published=len(played.published_ns),
             duration_s=played.duration_s,
@@ -344,13 +231,6 @@ class LiveBench:
             },
         )
 
-    def latencies(self, played: Played) -> tuple[Seconds, Milliseconds]:
-        """When the boxes are of (s since the start of the scene) and their latencies (ms), each of shape (n,)."""
-        taken = self.take_boxes()
-        stamps = np.array([decode_detections(message).stamp_ns for _, message in taken], np.int64)
-        received = np.array([at_ns for at_ns, _ in taken], np.int64)
-        return _seconds(played, stamps), _latencies(played, stamps, received)
-
     def _decoded_at_rest(self, before: dict[str, str], published: int) -> int:
         """How many messages the node has decoded since, once it has got all or gets no more."""
         last = -1
@@ -359,18 +239,6 @@ class LiveBench:
             if now in (published, last):
                 return now
             last = now
-
-    def _judged(self, played: Played, scene: LiveScene) -> tuple[Seconds, Milliseconds, npt.NDArray[np.float64]]:
-        messages = [(at_ns, decode_detections(message)) for at_ns, message in self.take_boxes()]
-        messages = [(at_ns, message) for at_ns, message in messages if message.stamp_ns >= played.start_ns]
-        stamps = np.array([message.stamp_ns for _, message in messages], np.int64)
-        latency_ms = _latencies(played, stamps, np.array([at_ns for at_ns, _ in messages], np.int64))
-        iou = np.zeros(len(messages))
-        for index, (_, message) in enumerate(messages):
-            truth = scene.box((message.stamp_ns - played.start_ns) / NS_PER_US)
-            if message.detections:
-                iou[index] = message.detections[0].box.iou(truth)
-        return _seconds(played, stamps), latency_ms, iou
 
     def _take_box(self, message: bytes) -> None:
         self._boxes.append((time.monotonic_ns(), message))
@@ -404,12 +272,3 @@ def own_place() -> Iterator[Place]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-def _seconds(played: Played, stamps: npt.NDArray[np.int64]) -> Seconds:
-    return np.asarray((stamps - played.start_ns) / NS_PER_S, np.float64)
-
-
-def _latencies(played: Played, stamps: npt.NDArray[np.int64], received_ns: npt.NDArray[np.int64]) -> Milliseconds:
-    number = np.clip((stamps - played.start_ns) // played.message_ns, 0, len(played.published_ns) - 1)
-    return np.asarray((received_ns - played.published_ns[number]) / NS_PER_MS, np.float64)

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.benchmarking.live_bench import NODE, OWN_WINDOW_S, PERCENTILES, LiveBench, Outcome, rounded_start_ns
+from etd_ros.benchmarking.live_bench import OWN_WINDOW_S, PERCENTILES, LiveBench, rounded_start_ns
 from etd_ros.benchmarking.live_load import NS_PER_S, Echo, LoadGenerator, Play
 from etd_ros.benchmarking.live_machine import MachineTime
+from etd_ros.benchmarking.live_outcome import Outcome, box_latencies
+from etd_ros.benchmarking.live_process import NODE
 from etd_ros.benchmarking.live_scene import NS_PER_US, LiveScene
 from etd_ros.benchmarking.report import Row
 from etd_ros.boxes import Box
@@ -115,7 +117,9 @@ def _floor(bench: LiveBench, generator: LoadGenerator, effort: LiveEffort) -> It
             generator.play(Play(rounded_start_ns(time.time_ns()), RUN_IN_S + effort.latency_s))
             bench.wait_until(lambda: generator.is_done, "the play's end")
             bench.listen_for(SETTLE_S)
-            yield from _percentiles("latency_floor", messages_per_s, *bench.latencies(generator.played()))
+            yield from _percentiles(
+                "latency_floor", messages_per_s, *box_latencies(bench.take_boxes(), generator.played())
+            )
     bench.read(None)
 
 

@@ -8,9 +8,12 @@ import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from etd_ros.benchmarking.peers import PACKAGES
@@ -23,6 +26,8 @@ LIVE_START, LIVE_END = "<!-- live table: written by the benchmark -->", "<!-- en
 PACKAGES_USED = ("numpy", "numba", "opencv-contrib-python-headless", *PACKAGES.values())
 
 HEADINGS = ("what", "sensor", "stream", "ours", "unit", "peer", "peer's", "ratio", "spread", "frames/s", "ev/frame")
+WIDTH_MAX = 1000
+"""Of a table, in characters: more than any has."""
 LEFT_ALIGNED = ("what", "sensor", "stream", "unit", "peer")
 
 
@@ -79,21 +84,30 @@ LIVE = Report("live.json", LIVE_START, LIVE_END)
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """The rows for a terminal."""
+    """The rows for a terminal, without columns that none fills."""
+    of_rows = [_cells(row) for row in rows]
+    filled = [any(cells[column] for cells in of_rows) for column in range(len(HEADINGS))]
     shown = Table(title="figures")
-    for heading in HEADINGS:
+    for heading in compress(HEADINGS, filled):
         shown.add_column(heading, justify="left" if heading in LEFT_ALIGNED else "right", no_wrap=True)
     previous: tuple[str, ...] = ()
-    for row in rows:
-        cells = _cells(row)
+    for cells in of_rows:
         is_new_part = bool(previous) and cells[0] != previous[0]
         if is_new_part:
             shown.add_section()
         # What is the same as in the row above is left out: the peers stand out.
         same = 0 if is_new_part or not previous else next((i for i in range(3) if cells[i] != previous[i]), 3)
-        shown.add_row(*[""] * same, *cells[same:])
+        shown.add_row(*compress([*[""] * same, *cells[same:]], filled))
         previous = cells
     return shown
+
+
+def print_table(rows: Sequence[Row], console: Console) -> None:
+    """Print the rows as wide as they are: names that are cut would not be told apart."""
+    shown = table(rows)
+    needed = Measurement.get(console, console.options.update(width=WIDTH_MAX), shown).maximum
+    console.width = max(console.width, needed)
+    console.print(shown)
 
 
 def as_json(rows: Sequence[Row]) -> str:

@@ -28,9 +28,9 @@ from etd_ros.benchmarking import (
     live,
     missing_packages,
     missing_ros,
+    print_table,
     scaling,
     scaling_png,
-    table,
     tracker,
     write,
 )
@@ -47,7 +47,6 @@ GROUPS: dict[str, Callable[[Effort, Path | None], Iterator[Row]]] = {
 REPORTS: dict[str, Report] = {"event-path": COMPARED, "tracker": COMPARED, "live": LIVE}
 DATA_VARIABLE = "ETD_DATA"
 DATA_DEFAULT = Path("../shared/data")
-TABLE_WIDTH_MIN = 165
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -107,8 +106,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(as_json(rows))
     else:
-        width = max(Console().width, TABLE_WIDTH_MIN)
-        Console(width=width).print(table(rows))
+        print_table(rows, Console())
     missing = missing_packages()
     if missing and COMPARED in reports:
         print(f"not installed, so not compared: {', '.join(missing)}; get them with: make bench", file=sys.stderr)

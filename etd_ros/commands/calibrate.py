@@ -24,7 +24,7 @@ from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.overlay import Picture
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
-from etd_ros.recordings import open_recording
+from etd_ros.recordings import open_recording, recording_files
 from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
 
@@ -166,7 +166,8 @@ def _check_options(options: argparse.Namespace) -> None:
     if not 0 < options.significance < 1:
         msg = f"--significance {options.significance:g} is out of range: give a number between 0 and 1, as in 0.05"
         raise ConversionError(msg)
-    check_outputs(options.output, options.sheet, options.histogram, inputs=[options.recording])
+    inputs = [*recording_files(options.recording), options.config]
+    check_outputs(options.output, options.sheet, options.histogram, inputs=inputs)
     if options.histogram is not None:
         check_matplotlib()
 

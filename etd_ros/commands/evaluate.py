@@ -36,7 +36,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "evaluate", help="compare systems on datasets, score methods on simulated sequences", description=__doc__
     )
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--list", action="store_true", help="print the systems' names, one a line")
+    what.add_argument("--list", action="store_true", help="print the systems, one a line")
     what.add_argument(
         "--dataset",
         nargs=2,
@@ -103,7 +103,8 @@ def run(options: argparse.Namespace) -> int:
         EtdError: an option that is out of range or belongs to another mode, or data that cannot be read.
     """
     if options.list:
-        print("\n".join(SYSTEMS))
+        for name, system in SYSTEMS.items():
+            print(f"{name:20}{system.description}")
         return 0
     if not 1 <= options.jobs <= JOBS_MAX:
         msg = f"--jobs {options.jobs} is out of range [1, {JOBS_MAX}]"

@@ -25,7 +25,7 @@ from etd_ros.engine import CONVERSIONS, FrameSource, nzge_interval
 from etd_ros.events import Events, concatenate
 from etd_ros.output_files import check_outputs, write_beside, written_beside
 from etd_ros.plots import NzgeCurve, check_matplotlib, nzge_png
-from etd_ros.recordings import open_recording
+from etd_ros.recordings import open_recording, recording_files
 from etd_ros.settings import Settings
 from etd_ros.stream import StreamBatch
 
@@ -150,7 +150,8 @@ def _check_options(options: argparse.Namespace) -> None:
     if not math.isfinite(options.from_s):
         msg = f"--from {options.from_s} is no time: give seconds since the first frame's start"
         raise ConversionError(msg)
-    check_outputs(options.output, options.plot, inputs=[options.recording])
+    inputs = [*recording_files(options.recording), options.config]
+    check_outputs(options.output, options.plot, inputs=inputs)
     if options.plot is not None:
         check_matplotlib()
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from etd_ros.evaluation import read_boxes, read_tracks
+from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
 from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.plots import check_matplotlib, overlap_png
+
+Tracks = Mapping[str, Sequence[TrackRow]]
+Truth = Mapping[str, Sequence[TimedBox]]
+NAMES_MAX = 5
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,8 +35,41 @@ def run(options: argparse.Namespace) -> int:
     """
     check_outputs(options.output, inputs=(options.tracks, options.boxes))
     check_matplotlib()
-    of_targets = overlaps(read_tracks(options.tracks), read_boxes(options.boxes))
+    tracks, truth = read_tracks(options.tracks), read_boxes(options.boxes)
+    _check_comparable(options, tracks, truth)
+    of_targets = overlaps(tracks, truth)
     write_beside(options.output, overlap_png(of_targets, options.tracks.name))
     for name, overlap in of_targets.items():
         print(f"{name}: AP {overlap.score.ap:.3f}, AR {overlap.score.ar:.3f} at {overlap.score.n} labelled times")
     return 0
+
+
+def _check_comparable(options: argparse.Namespace, tracks: Tracks, truth: Truth) -> None:
+    """Refuse files of two recordings, whose score would be 0 without a word.
+
+    Raises:
+        EvaluationError: they name no target in common, or are of times that do not overlap.
+    """
+    common = tracks.keys() & truth.keys()
+    if not common:
+        msg = (
+            f"{options.tracks} and {options.boxes} name no target in common ({_some(tracks)}; {_some(truth)}): give "
+            "the boxes of the same recording, and start the targets by the names that they have there"
+        )
+        raise EvaluationError(msg)
+    if not any(_meet(tracks[name], truth[name]) for name in common):
+        name = min(common)
+        msg = (
+            f"{options.tracks} and {options.boxes} have no time in common ({name} from {tracks[name][0].stamp_ns} ns, "
+            f"and from {truth[name][0].stamp_ns} ns): give the boxes of the same recording, on the same clock"
+        )
+        raise EvaluationError(msg)
+
+
+def _meet(track: Sequence[TrackRow], labels: Sequence[TimedBox]) -> bool:
+    return track[0].stamp_ns <= labels[-1].stamp_ns and labels[0].stamp_ns <= track[-1].stamp_ns
+
+
+def _some(names: Collection[str]) -> str:
+    """The first names, as many as a line can hold."""
+    return ", ".join([*list(names)[:NAMES_MAX], *(["..."] if len(names) > NAMES_MAX else [])]) or "none"

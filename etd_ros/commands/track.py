@@ -19,7 +19,7 @@ from etd_ros.output_files import check_outputs, write_beside
 from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import check_matplotlib, overlap_png
-from etd_ros.recordings import open_recording
+from etd_ros.recordings import open_recording, recording_files
 from etd_ros.rerun_log import SPAWN, check_rerun, rerun_log
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
 from etd_ros.systems.interface import CompareError
@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     is_engines = system_named(options.method).feed == "engine"
     if not is_engines:
         _check_compared(options)
-    inputs = (options.recording, options.targets, options.truth)
+    inputs = (*recording_files(options.recording), options.targets, options.truth, options.config)
     check_outputs(options.output, options.video, options.plot, inputs=inputs)
     if options.rerun is not None:
         check_rerun(options.rerun)

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 
 from etd_ros.evaluation.truth import TimedBox
-from etd_ros.recordings.ecd import IMAGE_LIST, image_lines
+from etd_ros.recordings import recording_files
 from etd_ros.settings import Settings
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -24,9 +24,6 @@ it stands still during development."""
 SCORED_BY = ("cell_run.py", "protocol.py", "scoring.py")
 LIBRARIES = ("numba", "numpy", "rosbags", "safetensors", "scipy", "torch")
 """Other versions may bring other boxes; OpenCV says its own, since it is distributed under several names."""
-TEXT_SUFFIX = ".txt"
-READ = ("events.txt", "metadata.yaml", "*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
-"""What there may be in a recording's folder, in patterns: the text format's beside its pictures, and a ROS 2 bag's."""
 DIGITS = 16
 
 
@@ -54,19 +51,6 @@ def recording_state(path: Path, topic: str | None) -> str:
     """Names, sizes and times of change of a recording's files, and the topic that is read: contents would take longer
     to read than many systems take to track."""
     return hashlib.sha256(json.dumps([topic, *map(_state, recording_files(path))]).encode()).hexdigest()
-
-
-def recording_files(path: Path) -> list[Path]:
-    """What is read of a recording. Labels and results may lie in its folder, too."""
-    if path.is_dir():
-        found, images = {file for pattern in READ for file in path.glob(pattern)}, path / IMAGE_LIST
-    elif path.suffix == TEXT_SUFFIX:
-        found, images = {path}, path.with_name(IMAGE_LIST)
-    else:
-        return [path]
-    # A line that is not `t file` is the reader's to refuse.
-    frames = (images.parent / fields[-1] for _, fields in image_lines(images))
-    return sorted(file for file in (*found, images, *frames) if file.is_file())
 
 
 @cache

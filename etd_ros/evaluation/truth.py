@@ -12,6 +12,7 @@ from etd_ros.evaluation.table import EvaluationError, read_rows
 from etd_ros.output_files import written_beside
 
 COLUMNS = ("target", "stamp_ns", "x", "y", "w", "h")
+CLASS_COLUMN = "class"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,9 @@ def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
     """
     boxes: dict[str, list[TimedBox]] = {}
     for row in read_rows(path, COLUMNS):
-        boxes.setdefault(row.name(), []).append(TimedBox(row.stamp_ns(), row.box(), row.cells.get("class", "").strip()))
+        boxes.setdefault(row.name(), []).append(
+            TimedBox(row.stamp_ns(), row.box(), row.cells.get(CLASS_COLUMN, "").strip())
+        )
     if not boxes:
         msg = f"{path}: holds no box: give a line target,stamp_ns,x,y,w,h for each labelled time"
         raise EvaluationError(msg)
@@ -41,13 +44,16 @@ def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
 
 
 def write_boxes(path: Path, boxes: Mapping[str, Iterable[TimedBox]]) -> None:
-    """Write labelled boxes to 1/1000 of a pixel, target by target.
+    """Write labelled boxes to 1/1000 of a pixel, target by target; with a column `class` where one has any.
 
     Raises:
         OutputError: the file cannot be written.
     """
     with written_beside(path) as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for target, rows in boxes.items():
-            writer.writerows((target, row.stamp_ns, *(f"{value:.3f}" for value in row.box)) for row in rows)
+        rows = [(target, row) for target, of_target in boxes.items() for row in of_target]
+        has_classes = any(row.class_id for _, row in rows)
+        writer.writerow((*COLUMNS, *([CLASS_COLUMN] if has_classes else [])))
+        for target, row in rows:
+            class_id = [row.class_id] if has_classes else []
+            writer.writerow((target, row.stamp_ns, *(f"{value:.3f}" for value in row.box), *class_id))

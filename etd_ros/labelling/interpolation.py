@@ -39,14 +39,15 @@ def boxes_at(key_frames: Sequence[KeyFrame], stamps: StampArray) -> BoxArray:
     return boxes
 
 
-def labels_from(key_frames: Sequence[KeyFrame], picture_stamps: StampArray) -> list[TimedBox]:
-    """A label for each picture between key frames, and for each key frame with a box, in order of time."""
+def labels_from(key_frames: Sequence[KeyFrame], picture_stamps: StampArray, class_id: str = "") -> list[TimedBox]:
+    """A label for each picture between key frames, and for each key frame with a box, in order of time; each says of
+    the target that it is of this class."""
     own = np.array([key.stamp_ns for key in key_frames if key.box is not None], np.int64)
     stamps = np.union1d(picture_stamps, own)
     boxes = boxes_at(key_frames, stamps)
     labelled = ~np.isnan(boxes[:, 0])
     return [
-        TimedBox(stamp_ns, Box(*box))
+        TimedBox(stamp_ns, Box(*box), class_id)
         for stamp_ns, box in zip(stamps[labelled].tolist(), boxes[labelled].tolist(), strict=True)
     ]
 

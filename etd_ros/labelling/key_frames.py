@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +35,21 @@ class KeyFrame:
     box: Box | None
 
 
-Labels = Mapping[str, tuple[KeyFrame, ...]]
-"""Each target's key frames in order of time, none at the same one; targets in the order in which they were made."""
+@dataclass(frozen=True, slots=True)
+class LabelledTarget:
+    """A target's labels.
+
+    Attributes:
+        key_frames: in order of time, none at the same one.
+        class_id: what it is; "" if nobody said.
+    """
+
+    key_frames: tuple[KeyFrame, ...] = ()
+    class_id: str = ""
+
+
+Labels = Mapping[str, LabelledTarget]
+"""Each target's by its name, in the order in which they were made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +57,7 @@ class KeptLabels:
     """Key frames as kept on disk.
 
     Attributes:
-        labels: the key frames.
+        labels: key frames and classes.
         is_saved: whether the BOXES.csv beside holds what follows from them.
         csv_digest: SHA-256 of that file when they were kept; None where there was none.
     """
@@ -67,14 +80,29 @@ def checked_name(name: str) -> str:
     return name
 
 
-def with_key_frame(key_frames: tuple[KeyFrame, ...], new: KeyFrame) -> tuple[KeyFrame, ...]:
-    """The key frames with a new one, in the place of one at the same time."""
-    return tuple(sorted((*without_key_frame(key_frames, new.stamp_ns), new), key=lambda key_frame: key_frame.stamp_ns))
+def checked_class(class_id: str) -> str:
+    """A target's class without the blanks round it; it may be empty.
+
+    Raises:
+        LabellingError: too long, or not printable.
+    """
+    class_id = class_id.strip()
+    if len(class_id) > NAME_LENGTH_MAX or not class_id.isprintable():
+        msg = f"class {class_id[:NAME_LENGTH_MAX]!r}: give at most {NAME_LENGTH_MAX} printable characters"
+        raise LabellingError(msg)
+    return class_id
 
 
-def without_key_frame(key_frames: tuple[KeyFrame, ...], stamp_ns: int) -> tuple[KeyFrame, ...]:
-    """The key frames without the one at this time (ns)."""
-    return tuple(key_frame for key_frame in key_frames if key_frame.stamp_ns != stamp_ns)
+def with_key_frame(target: LabelledTarget, new: KeyFrame) -> LabelledTarget:
+    """The target with a new key frame, in the place of one at the same time."""
+    others = without_key_frame(target, new.stamp_ns).key_frames
+    return replace(target, key_frames=tuple(sorted((*others, new), key=lambda key_frame: key_frame.stamp_ns)))
+
+
+def without_key_frame(target: LabelledTarget, stamp_ns: int) -> LabelledTarget:
+    """The target without the key frame at this time (ns)."""
+    kept = tuple(key_frame for key_frame in target.key_frames if key_frame.stamp_ns != stamp_ns)
+    return replace(target, key_frames=kept)
 
 
 def digest_of(path: Path) -> str | None:
@@ -97,8 +125,12 @@ def keep(path: Path, kept: KeptLabels) -> None:
         OutputError: the file cannot be written.
     """
     targets = [
-        {"name": name, "key_frames": [[key.stamp_ns, None if key.box is None else list(key.box)] for key in key_frames]}
-        for name, key_frames in kept.labels.items()
+        {
+            "name": name,
+            "class": target.class_id,
+            "key_frames": [[key.stamp_ns, None if key.box is None else list(key.box)] for key in target.key_frames],
+        }
+        for name, target in kept.labels.items()
     ]
     content = {"is_saved": kept.is_saved, "csv_digest": kept.csv_digest, "targets": targets}
     write_beside(path, json.dumps(content, indent=1) + "\n")
@@ -113,12 +145,17 @@ def read_kept(path: Path) -> KeptLabels:
     try:
         with path.open("rb") as file:
             content = json.loads(file.read(FILE_BYTES_MAX))
-        labels = {checked_name(target["name"]): _key_frames(target["key_frames"]) for target in content["targets"]}
+        labels = {checked_name(target["name"]): _labelled_target(target) for target in content["targets"]}
         digest = content["csv_digest"]
         return KeptLabels(labels, bool(content["is_saved"]), None if digest is None else str(digest))
     except (OSError, ValueError, TypeError, LookupError, RecursionError, LabellingError) as err:
         msg = f"{path}: holds no key frames ({err}): remove it to start from the labels beside it"
         raise LabellingError(msg) from err
+
+
+def _labelled_target(target: Mapping[str, Any]) -> LabelledTarget:
+    # Files of before there were classes have none.
+    return LabelledTarget(_key_frames(target["key_frames"]), checked_class(str(target.get("class", ""))))
 
 
 def _key_frames(items: Any) -> tuple[KeyFrame, ...]:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from etd_ros.boxes import Box, BoxError
-from etd_ros.evaluation.truth import read_boxes, write_boxes
+from etd_ros.evaluation.truth import TimedBox, read_boxes, write_boxes
 from etd_ros.labelling.interpolation import StampArray, boxes_at, key_frames_from, labels_from
 from etd_ros.labelling.key_frames import (
     KeptLabels,
     KeyFrame,
+    LabelledTarget,
     LabellingError,
     Labels,
+    checked_class,
     checked_name,
     digest_of,
     keep,
@@ -72,8 +75,8 @@ class LabelSession:
 
         Args:
             change: `action` and what belongs to it: `box` (target, picture, box), `hide` (target, picture), `clear`
-                (target, key: which of its key frames), `add` (target), `rename` (target, to), `delete` (target),
-                `undo`, `redo`.
+                (target, key: which of its key frames), `add` (target), `rename` (target, to), `class` (target, to: ""
+                for none), `delete` (target), `undo`, `redo`.
 
         Raises:
             LabellingError: the change makes no sense.
@@ -94,7 +97,10 @@ class LabelSession:
             OutputError: it cannot be written.
         """
         with self._lock:
-            boxes = {name: labels_from(key_frames, self._stamps) for name, key_frames in self._labels.items()}
+            boxes = {
+                name: labels_from(target.key_frames, self._stamps, target.class_id)
+                for name, target in self._labels.items()
+            }
             boxes = {name: rows for name, rows in boxes.items() if rows}
             if not boxes:
                 msg = "no box to save: draw one first"
@@ -124,8 +130,11 @@ class LabelSession:
                 raise LabellingError(msg)
         if self._csv_digest is None:
             return {}, True
-        boxes = read_boxes(self.output)
-        return {checked_name(name): key_frames_from(rows, self._stamps) for name, rows in boxes.items()}, True
+        return {checked_name(name): self._from_csv(rows) for name, rows in read_boxes(self.output).items()}, True
+
+    def _from_csv(self, rows: Sequence[TimedBox]) -> LabelledTarget:
+        class_id = next((row.class_id for row in rows if row.class_id), "")
+        return LabelledTarget(key_frames_from(rows, self._stamps), checked_class(class_id))
 
     @property
     def _labels(self) -> Labels:
@@ -150,7 +159,7 @@ class LabelSession:
             if name not in labels and len(labels) >= TARGETS_MAX:
                 msg = f"more than {TARGETS_MAX} targets: label the others in a file of their own"
                 raise LabellingError(msg)
-            labels.setdefault(name, ())
+            labels.setdefault(name, LabelledTarget())
             if action == "box":
                 key_frame = KeyFrame(self._stamp(change), self._box(change))
                 labels[name] = with_key_frame(labels[name], key_frame)
@@ -162,7 +171,9 @@ class LabelSession:
         if action == "hide":
             labels[name] = with_key_frame(labels[name], KeyFrame(self._stamp(change), None))
         elif action == "clear":
-            labels[name] = without_key_frame(labels[name], _chosen(labels[name], change).stamp_ns)
+            labels[name] = without_key_frame(labels[name], _chosen(labels[name].key_frames, change).stamp_ns)
+        elif action == "class":
+            labels[name] = replace(labels[name], class_id=checked_class(str(change.get("to", ""))))
         elif action == "delete":
             del labels[name]
         elif action == "rename":
@@ -170,7 +181,7 @@ class LabelSession:
             if new != name and new in labels:
                 msg = f"there is a target {new!r} already"
                 raise LabellingError(msg)
-            labels = {new if old == name else old: key_frames for old, key_frames in labels.items()}
+            labels = {new if old == name else old: target for old, target in labels.items()}
         else:
             msg = f"action {action!r} is unknown"
             raise LabellingError(msg)
@@ -202,22 +213,23 @@ class LabelSession:
 
     def _state(self) -> dict[str, Any]:
         return {
-            "targets": [self._target_state(name, key_frames) for name, key_frames in self._labels.items()],
+            "targets": [self._target_state(name, target) for name, target in self._labels.items()],
             "is_saved": self.is_saved,
             "can_undo": self._place > 0,
             "can_redo": self._place + 1 < len(self._history),
         }
 
-    def _target_state(self, name: str, key_frames: Sequence[KeyFrame]) -> dict[str, Any]:
+    def _target_state(self, name: str, target: LabelledTarget) -> dict[str, Any]:
         """A target as the page shows it: `at` is where a key frame lies among the pictures, whole on one."""
         numbers = np.arange(len(self._stamps))
         first_ns = self._stamps[0]
-        own = np.array([key.stamp_ns for key in key_frames], np.int64)
+        own = np.array([key.stamp_ns for key in target.key_frames], np.int64)
         places = np.interp(own - first_ns, self._stamps - first_ns, numbers).tolist()
-        rounded = boxes_at(key_frames, self._stamps).round(3).tolist()
+        rounded = boxes_at(target.key_frames, self._stamps).round(3).tolist()
         return {
             "name": name,
-            "keys": [{"at": at, "box": key.box} for at, key in zip(places, key_frames, strict=True)],
+            "class": target.class_id,
+            "keys": [{"at": at, "box": key.box} for at, key in zip(places, target.key_frames, strict=True)],
             "boxes": [None if math.isnan(box[0]) else box for box in rounded],
         }
 

@@ -5,5 +5,6 @@ import sys
 from etd_ros.nodes.programs import NODES, start
 
 if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-    sys.exit(f"etd_ros: name a node: python -m etd_ros.nodes {{{','.join(NODES)}}} ...")
+    print(f"etd_ros: name a node: python -m etd_ros.nodes {{{','.join(NODES)}}} ...", file=sys.stderr)  # noqa: T201
+    sys.exit(2)
 start(sys.argv.pop(1))

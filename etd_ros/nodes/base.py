@@ -1,21 +1,17 @@
-"""What every node has: a life cycle, parameters, a worker, diagnostics, words for what it waits for."""
+"""What every node has beside its life cycle: parameters, a worker, diagnostics, words for what it waits for."""
 
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Mapping
-from enum import Enum
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.lifecycle import Node as LifecycleNode
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from rclpy.task import Future
 from rclpy.timer import Timer
 
 from etd_ros.errors import EtdError
@@ -30,9 +26,9 @@ from etd_ros.nodes.connections import (
     writer_callbacks,
 )
 from etd_ros.nodes.figures import Latencies, Rates
+from etd_ros.nodes.life_cycle import ManagedNode, Phase
 from etd_ros.nodes.node_parameters import AT_ONCE, NodeOptions, NodeParameters
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Remarks
-from etd_ros.nodes.ros_errors import ros_reason, ros_refusals
 from etd_ros.nodes.worker import Worker, WorkerCounters
 from etd_ros.settings import Settings
 from etd_ros.warm_up import warm_up
@@ -41,28 +37,13 @@ from msg_adapters import DiagnosticStatus, Level, encode_diagnostics
 DIAGNOSTICS_PERIOD_S = 1.0
 
 
-class Phase(str, Enum):
-    """Where a node is in its life cycle."""
-
-    UNCONFIGURED = "unconfigured"
-    INACTIVE = "inactive"
-    ACTIVE = "active"
-    FINALIZED = "finalized"
-
-
-class EtdNode(LifecycleNode):
-    """Base of the nodes, which say what they do in `configure`, `activate`, `deactivate` and `cleanup`.
-
-    What is made in `configure` is destroyed after `cleanup`, what is made in `activate` after `deactivate`; the worker
-    runs while the node is active.
-    """
+class EtdNode(ManagedNode):
+    """Base of the nodes: `settings` and `options` hold the parameters from `configure` on, the worker runs while a node
+    is active."""
 
     def __init__(self, name: str, stages: tuple[str, ...], options: type[NodeOptions]) -> None:
-        with ros_refusals():
-            super().__init__(name)
+        super().__init__(name)
         self.errors = 0
-        self.phase = Phase.UNCONFIGURED
-        self.finished = Future()
         self.dropped = WorkerCounters()
         self.latencies = Latencies()
         self.settings = Settings()
@@ -78,31 +59,15 @@ class EtdNode(LifecycleNode):
             is_configured=lambda: self.phase in (Phase.INACTIVE, Phase.ACTIVE),
             changed=self._change_parameters,
         )
-        self._refusal: Exception | None = None
-        self._is_starting = False
         self._inputs: list[Input] = []
-        self._kept: dict[Phase, set[object]] = {}
         self._rates = Rates()
         self._reported_losses = 0
         self._remarks = Remarks(self)
-        self._refuse_wrong_transitions()
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.every(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
         self._waiting_timer = self.every(REMARKS_PERIOD_S, self._remark)
 
-    # --- what the nodes say they do
-
-    def configure(self) -> None:
-        """Make what does the work, and the publishers; `settings` and `options` hold the parameters."""
-
-    def activate(self) -> None:
-        """Make the subscriptions, services and timers."""
-
-    def deactivate(self) -> None:
-        """Stop what `activate` started, but for what the base does."""
-
-    def cleanup(self) -> None:
-        """Let go what `configure` made, but for what the base does."""
+    # --- what the nodes say they do, beside what a managed node does
 
     def change(self, stages: set[str]) -> None:
         """Have changed settings of these stages hold; `settings` and `options` are the new ones."""
@@ -249,94 +214,20 @@ class EtdNode(LifecycleNode):
             node = self.get_fully_qualified_name()
             self.get_logger().info(f"unconfigured: `ros2 lifecycle set {node} configure`, then activate, starts it")
             return
-        self._is_starting = True
-        for trigger in (self.trigger_configure, self.trigger_activate):
-            if trigger() is not TransitionCallbackReturn.SUCCESS and self._refusal is not None:
-                raise self._refusal
-        self._is_starting = False
+        self.configure_and_activate()
 
-    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters, compile, make what does the work."""
-        return self._pass(Phase.INACTIVE, self._configure)
-
-    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to read."""
-        return self._pass(Phase.ACTIVE, self._activate)
-
-    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Read and publish no more; targets are kept."""
-        return self._pass(Phase.INACTIVE, self._deactivate)
-
-    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything but the parameters."""
-        return self._pass(Phase.UNCONFIGURED, self._cleanup)
-
-    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """End the process."""
-        return self._pass(Phase.FINALIZED, self._end)
-
-    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """A transition has failed in a way that nobody foresaw: back to the beginning."""
-        return self._pass(Phase.UNCONFIGURED, self._let_go)
-
-    def stop(self) -> None:
-        """Let everything go; the node can be destroyed then."""
-        self._let_go()
-
-    def destroy_node(self) -> None:
-        """Let go of the node, and of the state machine, which would keep it and its shared memory."""
-        super().destroy_node()
-        self._state_machine.destroy_when_not_in_use()
-
-    def _refuse_wrong_transitions(self) -> None:
-        """Answer who asks for what cannot be from here: rclpy would raise, and its caller never hear of it."""
-        service = self._service_change_state
-        change = service.callback
-
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                return change(request, response)
-            except RuntimeError as err:  # rclpy's own error for this has no public name
-                if not self.context.ok():
-                    raise
-                self.errors += 1
-                asked = request.transition.label or request.transition.id
-                self.warn(f"transition {asked} is refused: the node is {self.phase.value} ({ros_reason(err)})")
-                response.success = False
-                return response
-
-        service.callback = answer
-
-    def _pass(self, phase: Phase, work: Callable[[], None]) -> TransitionCallbackReturn:
-        try:
-            work()
-        except EtdError as err:
-            self._refusal = err
-            if not self._is_starting:
-                self.get_logger().error(" ".join(str(err).split()))
-            return TransitionCallbackReturn.FAILURE
-        except Exception as err:
-            self._refusal = err
-            if self.context.ok():  # else the node was told to leave, and whatever it tries fails
-                # rclpy would say nothing of it.
-                self.get_logger().error("".join(traceback.format_exception(err)))
-            return TransitionCallbackReturn.ERROR
-        self.phase = phase
-        return TransitionCallbackReturn.SUCCESS
+    def on_wrong_transition(self, text: str) -> None:
+        """Warn, and count it as an error."""
+        self.errors += 1
+        self.warn(text)
 
     def _configure(self) -> None:
         self.settings = self._declared.settings()
         self.options = self._declared.options(self._options_class)
-        self._kept[Phase.UNCONFIGURED] = self._entities()
-        try:
-            self._warm_up()
-            self.configure()
-        except EtdError:
-            self._destroy_but(self._kept[Phase.UNCONFIGURED])
-            raise
+        self._warm_up()
+        super()._configure()
 
     def _activate(self) -> None:
-        self._kept[Phase.INACTIVE] = self._entities()
         self.worker = Worker(
             f"{self.get_name()}_worker",
             int(self.options.queue_mib * 2**20),
@@ -344,45 +235,16 @@ class EtdNode(LifecycleNode):
             self.on_worker_error,
             self.dropped,
         )
-        self.activate()
+        try:
+            super()._activate()
+        except Exception:
+            self.worker.stop()
+            raise
 
     def _deactivate(self) -> None:
         self._inputs.clear()
-        self.deactivate()
-        self._destroy_but(self._kept[Phase.INACTIVE])
+        super()._deactivate()
         self.worker.stop()
-
-    def _cleanup(self) -> None:
-        self.cleanup()
-        self._destroy_but(self._kept[Phase.UNCONFIGURED])
-
-    def _end(self) -> None:
-        self._let_go()
-        self.finished.set_result(None)
-
-    def _let_go(self) -> None:
-        if self.phase is Phase.ACTIVE:
-            self._deactivate()
-            self.phase = Phase.INACTIVE
-        if self.phase is Phase.INACTIVE:
-            self._cleanup()
-            self.phase = Phase.UNCONFIGURED
-
-    def _entities(self) -> set[object]:
-        return {*self.subscriptions, *self.publishers, *self.services, *self.timers}
-
-    def _destroy_but(self, kept: set[object]) -> None:
-        destroy: tuple[tuple[Iterable[Any], Callable[[Any], bool]], ...] = (
-            (self.subscriptions, self.destroy_subscription),
-            (self.timers, self.destroy_timer),
-            (self.services, self.destroy_service),
-            (self.publishers, self.destroy_publisher),
-        )
-        if not self.context.ok():
-            return  # the node is destroyed as a whole then
-        for entities, end in destroy:
-            for entity in set(entities) - kept:
-                end(entity)
 
     def _warm_up(self) -> None:
         """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""

@@ -7,13 +7,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
+import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import ParameterUninitializedException
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterUninitializedException,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from etd_ros.nodes.arguments import warn_of_unknown_parameters
-from etd_ros.parameters import Description, ParameterError, Parameters, from_mapping, parameter
+from etd_ros.nodes.arguments import given_parameters, warn_of_files_without_parameters, warn_of_unknown_parameters
+from etd_ros.parameters import Description, ParameterError, Parameters, from_mapping, kind_of, parameter
 from etd_ros.parameters import described as described_options
 from etd_ros.settings import Settings, described_settings, settings_from_mapping
 
@@ -79,6 +84,7 @@ class NodeParameters:
         self._settings_names = self._declare(described_settings(stages))
         self._options_names = self._declare(described_options(options))
         warn_of_unknown_parameters(node)
+        warn_of_files_without_parameters(node)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
 
@@ -112,7 +118,10 @@ class NodeParameters:
         names = []
         for name, default, description in described:
             initial = list(default) if isinstance(default, tuple) else default
-            self._node.declare_parameter(name, initial, _descriptor(default, description))
+            try:
+                self._node.declare_parameter(name, initial, _descriptor(default, description))
+            except (InvalidParameterTypeException, InvalidParameterValueException) as err:
+                raise _refused(name, given_parameters(self._node)[name].value, default, description) from err
             names.append(name)
         return names
 
@@ -154,6 +163,19 @@ def _only(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """A parameter's value as the configuration classes take it: lists come as arrays."""
     return value if isinstance(value, str | bool | int | float) or value is None else tuple(value)
+
+
+def _refused(name: str, value: Any, default: Any, description: Description) -> ParameterError:
+    """Why a parameter cannot be declared with a value, with an example: ROS takes no 1 for 1.0, and no 5 for a text."""
+    example = yaml.safe_dump(str(value) if isinstance(default, str) else default, default_flow_style=True)
+    limits = "".join(
+        f" {word} {limit:g}"
+        for word, limit in (("from", description.low), ("to", description.high))
+        if limit is not None
+    )
+    return ParameterError(
+        f"parameter {name} needs {kind_of(default)}{limits}, not {value!r}: write it as in {example.splitlines()[0]}"
+    )
 
 
 def _descriptor(default: Any, description: Description) -> ParameterDescriptor:

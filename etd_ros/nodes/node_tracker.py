@@ -24,8 +24,10 @@ def check_tracker(node: EtdNode) -> None:
     node_tracker(node, 1, 1)
     if not method_named(node.options.method).recovers or network_is_there(node.settings.recovery, NETWORK_WAIT_S):
         return
-    text = f"recovery's network is not there after {NETWORK_WAIT_S:g} s: images are searched once it is"
-    node.get_logger().warning(text)
+    node.get_logger().warning(
+        f"recovery's network is still being loaded after {NETWORK_WAIT_S:g} s: what is lost before it is there is "
+        "found on images only then"
+    )
 
 
 def node_tracker(node: EtdNode, width: int, height: int) -> MultiTracker:

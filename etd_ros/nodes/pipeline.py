@@ -14,9 +14,10 @@ from sensor_msgs.msg import Image
 from etd_ros.conversion import ENTROPY_TARGETS, Frame
 from etd_ros.engine import FrameSource, ImageSource, Part, SearchRegions, nzge_interval
 from etd_ros.longest_frames import LongestFrames
-from etd_ros.nodes.base import EtdNode, Phase
+from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.event_input import EventInput
 from etd_ros.nodes.figures import FrameFigures
+from etd_ros.nodes.life_cycle import Phase
 from etd_ros.nodes.node_tracker import check_tracker, node_tracker
 from etd_ros.nodes.running import run_node
 from etd_ros.nodes.target_input import TargetInput
@@ -224,7 +225,9 @@ class Pipeline(EtdNode):
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
-        self._output.publish(frame.stamp_ns, frame_id, frame.data, image, reports, regions, frame.nzge)
+        self._output.publish(
+            frame.stamp_ns, frame_id, frame.data, image, reports, regions, self._targets.class_of, frame.nzge
+        )
         self.latencies.note(origin.received_s)
         return self._tracker.longest_frame_s()
 

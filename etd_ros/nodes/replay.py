@@ -21,6 +21,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
+from etd_ros.commands.one_line_parser import EXIT_BAD_INPUT, OneLineParser
 from etd_ros.commands.recording_options import add_replay_options
 from etd_ros.errors import EtdError
 from etd_ros.events import Events
@@ -212,10 +213,10 @@ def _play_with_progress(node: Replay, recording: Recording, loop: bool) -> None:
 
 def main() -> int:
     """Entry point of `ros2 run etd_ros replay`."""
-    parser = argparse.ArgumentParser(prog="replay", description=__doc__)
+    parser = OneLineParser(prog="ros2 run etd_ros replay", description=__doc__)
     add_replay_options(parser)
     try:
         return run(parser.parse_args(own_arguments(sys.argv)), sys.argv)
     except EtdError as err:
         print(f"etd_ros: {' '.join(str(err).split())}", file=sys.stderr)  # noqa: T201
-        return 2
+        return EXIT_BAD_INPUT

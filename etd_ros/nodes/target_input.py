@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -17,16 +17,16 @@ from etd_ros.nodes.target_limits import (
     START_AHEAD_MAX_S,
     START_LATE_MAX_S,
     EventClock,
-    LostTimes,
     Refusals,
     named,
 )
-from etd_ros.nodes.target_memory import TargetMemory
+from etd_ros.nodes.target_memory import Remembered, TargetMemory
+from etd_ros.nodes.target_places import TargetPlaces, names_of
 from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
 from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets_from_text, unique_targets
 from etd_ros.tracking import Click, MultiTracker, TargetReport, check_target
-from msg_adapters import Detection, DetectionsMessage, PointMessage, decode_detections, decode_point
+from msg_adapters import DetectionsMessage, PointMessage, decode_detections, decode_point
 
 MEMORY_PERIOD_S = 0.2
 SENSORS_SAID_MAX = 16
@@ -53,23 +53,18 @@ class TargetInput:
         self._submit = submit
         memory_file, targets_file = _path(node.options.memory_file), _path(node.options.targets_file)
         self._memory = TargetMemory(memory_file, filter(None, [targets_file]), node.get_logger().warning)
-        self._targets = {target.name: target for target in _from_options(node.options)}
-        self._configured = set(self._targets)
-        self._new: dict[str, TargetStart] = {}
-        self._stopped: set[str] = set()
-        self._clicks: list[Click] = []
-        self._numbers = {"target": 0, "point": 0}
-        self._in_tracker: set[str] = set()
-        self._followed = 0
-        self._has_begun = False
+        self._places = TargetPlaces(_from_options(node.options))
         self._clock = EventClock()
-        self._lost = LostTimes()
         self._refusals = Refusals(node)
         self._off_said: dict[tuple[int, int], set[str]] = {}
 
     def __len__(self) -> int:
         """How many are followed, or will be from the first frame on."""
-        return self._followed if self._has_begun else len(self._targets | self._new)
+        return len(self._places)
+
+    def class_of(self, name: str) -> str:
+        """What a target was said to be; "" if nobody said."""
+        return self._places.class_of(name)
 
     def open(self) -> None:
         """Listen."""
@@ -79,7 +74,7 @@ class TargetInput:
 
     def missing(self) -> list[str]:
         """What is missing where there is nothing to track, in a sentence."""
-        if self._targets or self._new or self._clicks or self._in_tracker or self._node.options.auto:
+        if self._places.has_any or self._node.options.auto:
             return []
         boxes, points = (self._node.resolve_topic_name(topic) for topic in ("~/targets", "~/clicked_point"))
         return [
@@ -99,15 +94,11 @@ class TargetInput:
                 errors when the node begins; they are tracked from the next frame on.
         """
         self._hold_against(stamp_ns)
-        asked_for = set(self._new)
-        self._targets |= self._new
-        self._new.clear()
-        self._stopped.clear()
-        self._in_tracker.clear()
-        self._lost = LostTimes()
-        taken_back = {} if self._has_begun else self._take_back(stamp_ns, asked_for)
+        places = self._places
+        asked_for = places.begin()
+        taken_back = {} if places.has_begun else self._take_back(stamp_ns, asked_for)
         off_sensor = {}
-        for target in tuple(self._targets.values()):
+        for target in tuple(places.targets.values()):
             start = taken_back.get(target.name, target)
             if start is None:
                 continue
@@ -117,64 +108,68 @@ class TargetInput:
             if isinstance(err, OffSensorError):
                 off_sensor[target.name] = err
             elif err is not None:
-                self._forget(target.name)
+                places.forget(target.name)
                 self._refusals.note("box", str(err))
-            if not self._has_begun and target.name not in taken_back:
+            if not places.has_begun and target.name not in taken_back:
                 self._check_start(target, first_ns)
         self._say_off_sensor(tracker.size, off_sensor)
-        self._has_begun = True
+        places.has_begun = True
 
     def start_new(self, tracker: MultiTracker, stamp_ns: int) -> None:
         """Stop, start, or start again the targets that came since the last call; the stamp (ns) is the next frame's."""
+        places = self._places
         self._hold_against(stamp_ns)
         self._say_late(stamp_ns)
         tracker.targets_max = self._node.options.targets_max
-        for name in self._stopped & {*tracker.targets, *tracker.waiting_clicks}:
+        for name in places.stopped & {*tracker.targets, *tracker.waiting_clicks}:
             tracker.stop(name)
-        for target in self._new.values():
+        for target in places.new.values():
             err = _started(tracker, target)
             is_followed = target.name in tracker.targets
             if err is None or (isinstance(err, OffSensorError) and not is_followed):
-                self._targets[target.name] = target
+                places.targets[target.name] = target
             if err is not None:
                 then = "what is followed under this name goes on" if is_followed else "kept for one that holds it"
                 self._refusals.note("box", f"{err}; {then}" if isinstance(err, OffSensorError) else str(err))
-        for click in self._clicks:
+        for click in places.clicks:
             try:
                 tracker.click(click)
             except EtdError as err:
                 self._refusals.note("click", str(err))
-        self._stopped.clear()
-        self._new.clear()
-        self._clicks.clear()
+        places.taken()
 
     def note(self, stamp_ns: int, tracker: MultiTracker, reports: tuple[TargetReport, ...]) -> None:
         """What a frame brought: remembered, and said in the log where clicks start nothing."""
-        self._memory.note(stamp_ns, reports)
+        self._memory.note(stamp_ns, reports, self._places.class_of)
         for notice in tracker.take_notices():
             self._node.warn(notice)
-        self._lost.note(stamp_ns, reports)
-        self._in_tracker = {*tracker.targets, *tracker.waiting_clicks}
-        self._followed = len(tracker.targets)
+        self._places.note(stamp_ns, tracker, reports)
 
     def _take_back(self, stamp_ns: int, asked_for: set[str]) -> dict[str, TargetStart | None]:
         """The targets as the memory has them, as far as there is room; None for those that were lost. Those that have a
         new box already are left out."""
         starts: dict[str, TargetStart | None] = {}
         for target in self._memory.recall(stamp_ns):
+            self._know_class(target)
             if target.name in asked_for:
                 continue
             if target.was_lost:
                 self._node.get_logger().warning(f"{target.name} was lost before the restart: give it a new box")
                 starts[target.name] = None
-            elif target.name in self._targets or len(self._targets) < self._node.options.targets_max:
-                class_id = self._class_of(target.name)
+            elif target.name in self._places.targets or len(self._places.targets) < self._node.options.targets_max:
+                class_id = self._places.class_of(target.name) or target.class_id
                 starts[target.name] = start = TargetStart(target.name, target.box, class_id=class_id)
-                self._targets.setdefault(target.name, start)
+                self._places.targets.setdefault(target.name, start)
                 self._node.get_logger().info(f"{target.name} is taken back after {target.age_s:.1f} s")
             else:
                 self._refuse_for_room([target.name])
         return starts
+
+    def _know_class(self, remembered: Remembered) -> None:
+        """What is asked for again without a class is what it was before."""
+        asked_for = self._places.targets.get(remembered.name)
+        if asked_for is not None and not asked_for.class_id:
+            self._places.targets[remembered.name] = dataclasses.replace(asked_for, class_id=remembered.class_id)
 
     def _say_off_sensor(self, size: tuple[int, int], refused: dict[str, OffSensorError]) -> None:
         """Count and say once for each sensor which targets it does not hold."""
@@ -219,7 +214,7 @@ class TargetInput:
         wanted = []
         for detection in decoded.detections:
             if detection.box.w == 0 and detection.box.h == 0:
-                self._stop(detection.id or detection.class_id)
+                self._places.stop(detection.id or detection.class_id)
             else:
                 wanted.append(detection)
         starts = [
@@ -233,8 +228,8 @@ class TargetInput:
 
     def _take_starts(self, starts: Sequence[TargetStart]) -> None:
         """Take as many as there is room for; a message may name thousands."""
-        held = self._held()
-        leaving = self._leaving({start.name for start in starts})
+        held = self._places.held()
+        leaving = self._places.leaving({start.name for start in starts})
         wrong: list[EtdError] = []
         refused: list[str] = []
         for start in starts:
@@ -246,41 +241,24 @@ class TargetInput:
             if start.name not in held and not self._has_room(held, leaving):
                 refused.append(start.name)
                 continue
-            name = start.name or self._next_name("target", held)
+            name = start.name or self._places.next_name("target", held)
             held.add(name)
-            class_id = start.class_id or self._class_of(name)
-            self._new[name] = TargetStart(name, start.box, start.stamp_ns, class_id)
+            class_id = start.class_id or self._places.class_of(name)
+            self._places.new[name] = TargetStart(name, start.box, start.stamp_ns, class_id)
         if wrong:
             more = f" ({len(wrong)} boxes of one message are wrong)" if len(wrong) > 1 else ""
             self._refusals.note("box", f"{wrong[0]}{more}", len(wrong))
         if refused:
             self._refuse_for_room(refused)
 
-    def _class_of(self, name: str) -> str:
-        """What a target was said to be, which a box without a class leaves as it was; "" if it was never said."""
-        known = self._new.get(name) or self._targets.get(name)
-        return known.class_id if known else ""
-
     def _take_point(self, point: PointMessage) -> None:
         # Whoever clicks means what is there now, whichever clock his viewer stamps by.
-        held = self._held()
-        name = self._next_name("point", held)
-        if self._has_room(held, self._leaving(set())):
-            self._clicks.append(Click(name, point.x, point.y))
+        held = self._places.held()
+        name = self._places.next_name("point", held)
+        if self._has_room(held, self._places.leaving(set())):
+            self._places.clicks.append(Click(name, point.x, point.y))
         else:
             self._refuse_for_room([name])
-
-    def _stop(self, name: str) -> None:
-        if name in self._in_tracker or name in self._targets:
-            self._stopped.add(name)
-        self._forget(name)
-        self._new.pop(name, None)
-        self._in_tracker.discard(name)
-        self._clicks = [click for click in self._clicks if click.name != name]
-
-    def _forget(self, name: str) -> None:
-        self._targets.pop(name, None)
-        self._configured.discard(name)
 
     def _remember(self) -> None:
         try:
@@ -290,23 +268,13 @@ class TargetInput:
 
     # --- who may be followed
 
-    def _held(self) -> set[str]:
-        """The names of all that are followed, or wait to be."""
-        return {*self._targets, *self._new, *self._in_tracker, *(click.name for click in self._clicks)}
-
-    def _leaving(self, kept: set[str]) -> Iterator[str]:
-        """Who makes room for new ones, in this order: those that no sensor holds, and those that are lost for long."""
-        waiting = [name for name in self._targets if self._has_begun and name not in self._in_tracker]
-        kept = {*kept, *self._configured, *self._new}
-        return iter([name for name in (*waiting, *self._lost.long_lost()) if name not in kept])
-
     def _has_room(self, held: set[str], leaving: Iterator[str]) -> bool:
         """Whether there is room for one more, which those that leave may make; `held` has them no more."""
         while len(held) >= self._node.options.targets_max:
             name = next(leaving, None)
             if name is None:
                 return False
-            self._stop(name)
+            self._places.stop(name)
             held.discard(name)
             self._node.get_logger().info(
                 f"target {name!r}, which is lost or off the sensor, makes room for a new one",
@@ -329,12 +297,12 @@ class TargetInput:
     def _hold_against(self, stamp_ns: int) -> None:
         """Refuse what is to start far after a frame (ns): as it came, the events' time may not have been known."""
         self._clock.note(stamp_ns)
-        ahead = [target.name for target in self._new.values() if self._is_ahead(target.stamp_ns)]
-        self._refuse_ahead([self._new.pop(name) for name in ahead])
+        ahead = [target.name for target in self._places.new.values() if self._is_ahead(target.stamp_ns)]
+        self._refuse_ahead([self._places.new.pop(name) for name in ahead])
 
     def _say_late(self, stamp_ns: int) -> None:
         """Warn of boxes that are old when they start with a frame (ns)."""
-        stamped = [target for target in self._new.values() if target.stamp_ns > 0]
+        stamped = [target for target in self._places.new.values() if target.stamp_ns > 0]
         late_s = {target.name: (stamp_ns - target.stamp_ns) * 1e-9 for target in stamped}
         late = [name for name, old_s in late_s.items() if old_s > START_LATE_MAX_S]
         if late:
@@ -353,35 +321,6 @@ class TargetInput:
             "ahead of the events', or another: stamp a box as the events are stamped in which it was seen, or 0: now",
             len(starts),
         )
-
-    def _next_name(self, kind: str, held: set[str]) -> str:
-        """A name for what came without one."""
-        name = ""
-        while not name or name in held:
-            self._numbers[kind] += 1
-            name = f"{kind}_{self._numbers[kind]}"
-        return name
-
-
-def names_of(detections: Sequence[Detection]) -> list[str]:
-    """What the boxes of a message are called: by their id, else by their class, and numbered from its second one on
-    (person, person_2, ...), so that two boxes are two targets; "" where a box has neither."""
-    taken = {detection.id for detection in detections}
-    numbered: dict[str, Iterator[str]] = {}
-    names = []
-    for detection in detections:
-        name = detection.id
-        if not name and detection.class_id:
-            candidates = numbered.setdefault(detection.class_id, _numbered(detection.class_id))
-            name = next(candidate for candidate in candidates if candidate not in taken)
-            taken.add(name)
-        names.append(name)
-    return names
-
-
-def _numbered(class_id: str) -> Iterator[str]:
-    yield class_id
-    yield from (f"{class_id}_{number}" for number in itertools.count(2))
 
 
 def _started(tracker: MultiTracker, target: TargetStart) -> EtdError | None:

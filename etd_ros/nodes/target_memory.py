@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from etd_ros.boxes import Box
-from etd_ros.evaluation import TRACKS_COLUMNS, EvaluationError, TrackRow, TracksWriter, read_tracks
+from etd_ros.evaluation import CLASS_COLUMN, TRACKS_COLUMNS, EvaluationError, TrackRow, TracksWriter, read_tracks
 from etd_ros.output_files import OutputError, check_outputs
 from etd_ros.tracking import TargetReport, TargetState
 
@@ -24,8 +24,10 @@ PACE_NS = 100_000_000
 """Motion is measured over this time (ns)."""
 ROWS_MAX = 2
 """Of a target, in the file."""
-HEADER = f"{','.join(TRACKS_COLUMNS)}\n".encode()
-"""By which a node knows the file for one of its own."""
+HEADERS = tuple(f"{','.join(columns)}\n".encode() for columns in ((*TRACKS_COLUMNS, CLASS_COLUMN), TRACKS_COLUMNS))
+"""By which a node knows the file for one of its own: what it writes, and what was written before there were classes."""
+CLASS_LENGTH_MAX = 64
+"""Longer ones, or those that cannot be printed, are not kept: nobody's detector has them."""
 DAMAGED = "damaged"
 """Suffix of a file that is set aside."""
 NULS_MAX_BYTES = 2**20
@@ -41,16 +43,18 @@ class Remembered:
         box: where its motion has brought it (pixels).
         age_s: how long ago it was seen (s).
         was_lost: whether its place was not known any more.
+        class_id: what it was said to be; "" if nothing was said.
     """
 
     name: str
     box: Box
     age_s: float
     was_lost: bool
+    class_id: str
 
 
 class TargetMemory:
-    """Keeps each target's last box, and one shortly before, in a TRACKS.csv. Any thread may call it.
+    """Keeps each target's last box, one shortly before, and its class, in a TRACKS.csv. Any thread may call it.
 
     The file is not brought to the disk each time, which would hold up what else is written to it: after a power cut
     what it holds is too old to be taken back, and a damaged one keeps no node from starting.
@@ -77,13 +81,14 @@ class TargetMemory:
             recalled = [_recalled(rows, stamp_ns) for rows in self._rows.values()]
         return [target for target in recalled if 0 <= target.age_s <= AGE_MAX_S]
 
-    def note(self, stamp_ns: int, reports: Iterable[TargetReport]) -> None:
-        """Where the targets are at `stamp_ns`. Those that are not reported any more are forgotten."""
+    def note(self, stamp_ns: int, reports: Iterable[TargetReport], class_of: Callable[[str], str]) -> None:
+        """Where the targets are at `stamp_ns`, and what (`class_of` by name). Those that are not reported any more are
+        forgotten."""
         if self._path is None:
             return
         with self._lock:
             self._rows = {
-                report.name: self._with(stamp_ns, report)
+                report.name: self._with(stamp_ns, report, class_of(report.name))
                 for report in reports
                 if report.box is not None or report.name in self._rows
             }
@@ -101,19 +106,20 @@ class TargetMemory:
             if self._is_saved:
                 return
             targets, self._is_saved = list(self._rows.values()), True
-        with TracksWriter(self._path, outlives_power=False) as writer:
+        with TracksWriter(self._path, outlives_power=False, has_classes=True) as writer:
             for rows in targets:
                 for row in [*rows[:-1][: ROWS_MAX - 1], rows[-1]]:
                     writer.write(row)
 
-    def _with(self, stamp_ns: int, report: TargetReport) -> list[TrackRow]:
+    def _with(self, stamp_ns: int, report: TargetReport, class_id: str) -> list[TrackRow]:
         """A target's rows: where it is, or was seen last, after those of a short time before."""
         rows = self._rows.get(report.name, [])
+        class_id = class_id if class_id.isprintable() and len(class_id) <= CLASS_LENGTH_MAX else ""
         if report.box is None:
-            last = dataclasses.replace(rows[-1], score=report.score, state=report.state.value)
+            last = dataclasses.replace(rows[-1], score=report.score, state=report.state.value, class_id=class_id)
             return [*rows[:-1], last]
         before = [row for row in rows if 0 < stamp_ns - row.stamp_ns <= PACE_NS]
-        return [*before, TrackRow(stamp_ns, report.name, report.box, report.score, report.state.value)]
+        return [*before, TrackRow(stamp_ns, report.name, report.box, report.score, report.state.value, class_id)]
 
 
 def _remembered(path: Path, inputs: Iterable[Path], warn: Callable[[str], object]) -> dict[str, list[TrackRow]]:
@@ -129,7 +135,7 @@ def _remembered(path: Path, inputs: Iterable[Path], warn: Callable[[str], object
         return {}
     is_memory, is_whole = _look_at(path)
     if not is_memory:
-        _refuse(path, f"its first line is not {HEADER.decode().strip()}")
+        _refuse(path, f"its first line is not {HEADERS[0].decode().strip()}")
     if not is_whole:
         _set_aside(path, f"{path}: is cut short", warn)
         return {}
@@ -158,8 +164,9 @@ def _look_at(path: Path) -> tuple[bool, bool]:
         msg = f"{path}: cannot be read ({err.strerror or err}): name a memory_file that you may read and write"
         raise OutputError(msg) from err
     is_zeros = is_all and not head.strip(b"\0")
-    has_header = head.startswith(HEADER)
-    return has_header or is_zeros or HEADER.startswith(head), has_header and end == b"\n" and b"\0" not in head
+    has_header = head.startswith(HEADERS)
+    is_begun = has_header or is_zeros or any(header.startswith(head) for header in HEADERS)
+    return is_begun, has_header and end == b"\n" and b"\0" not in head
 
 
 def _refuse(path: Path, why: str) -> NoReturn:
@@ -187,4 +194,4 @@ def _recalled(rows: list[TrackRow], stamp_ns: int) -> Remembered:
     (x, y), (first_x, first_y) = last.box.center, first.box.center
     share = min(age_s, COAST_S) / pace_s if pace_s > 0 else 0.0
     box = Box(last.box.x + share * (x - first_x), last.box.y + share * (y - first_y), last.box.w, last.box.h)
-    return Remembered(last.target, box, age_s, last.state == TargetState.LOST.value)
+    return Remembered(last.target, box, age_s, last.state == TargetState.LOST.value, last.class_id)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -156,16 +156,21 @@ class TrackingOutput:
         image: npt.NDArray[np.uint8] | None,
         reports: tuple[TargetReport, ...],
         search_regions: Sequence[Box] | None,
+        class_of: Callable[[str], str],
         nzge: float | None = None,
     ) -> None:
-        """Say what one frame brought; stamps, frame_id and NZGE are those of the frame."""
+        """Say what one frame brought; stamps, frame_id and NZGE are those of the frame.
+
+        `class_of` says of a name what the target is, "" if nobody said: then its class is its name, which viewers show.
+        """
         self._frames_tracked += 1
         self._states = {report.name: report.state for report in reports}
         found = [(report, report.box) for report in reports if report.box is not None]
         self._boxes += len(found)
         if self._detections.get_subscription_count():
             detections = [
-                Detection(id=report.name, box=box, score=report.score, class_id=report.name) for report, box in found
+                Detection(id=report.name, box=box, score=report.score, class_id=class_of(report.name) or report.name)
+                for report, box in found
             ]
             self._detections.publish(encode_detections(detections, stamp_ns=stamp_ns, frame_id=frame_id))
         if self._status.get_subscription_count():

@@ -200,7 +200,9 @@ class Tracker(EtdNode):
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
         regions = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)
-        self._output.publish(frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions)
+        self._output.publish(
+            frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions, self._targets.class_of
+        )
         self.latencies.note(received_s)
 
 

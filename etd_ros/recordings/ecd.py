@@ -13,6 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.events import SENSOR_PIXELS_MAX, Events, check_pixel_map
+from etd_ros.recordings.files import IMAGE_LIST, image_lines
 from etd_ros.recordings.interface import (
     FRAME_ID,
     RecordedImage,
@@ -24,7 +25,6 @@ from etd_ros.recordings.interface import (
 from msg_adapters import EventMessage
 
 DAVIS240_SIZE = (240, 180)
-IMAGE_LIST = "images.txt"
 CHUNK_BYTES = 1 << 18
 LINE_BYTES_MIN = len("0 0 0 0\n")
 ENCODING = "text"
@@ -118,13 +118,6 @@ class EcdRecording(Recording):
             raise RecordingError(msg)
         if count:
             yield from file_packets(events, ENCODING)
-
-
-def image_lines(index: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number, from 1, and words of each line of an images.txt that is not blank; none where there is no such file."""
-    if index.is_file():
-        with index.open(encoding="utf-8", errors="replace") as file:
-            yield from ((number, fields) for number, line in enumerate(file, 1) if (fields := line.split()))
 
 
 def _is_readable_image(file: Path) -> bool:

@@ -81,7 +81,9 @@ def _siamese_maker(name: str, config: RecoveryConfig) -> Callable[[], RecoveryTr
     wait for torch: whoever searches first does, if it is not there yet.
     """
     if name == SIAMRPN and not config.siamrpn_model:
-        msg = f"recovery tracker {SIAMRPN!r} needs a model: set the parameter siamrpn_model to a DaSiamRPN file"
+        msg = (
+            f"recovery tracker {SIAMRPN!r} needs a model: set the parameter recovery.siamrpn_model to a DaSiamRPN file"
+        )
         raise RecoveryError(msg)
     matcher = _matcher(name, config)
     return lambda: SiameseRecovery(matcher, config)

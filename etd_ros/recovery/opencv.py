@@ -96,10 +96,10 @@ def tracker_maker(name: str, config: RecoveryConfig) -> Callable[[], Any]:
 def _model_file(config: RecoveryConfig, tracker: str, field: str) -> Path:
     path = Path(getattr(config, field))
     if not getattr(config, field):
-        msg = f"recovery tracker {tracker!r} needs a model: set the parameter {field} to its ONNX file"
+        msg = f"recovery tracker {tracker!r} needs a model: set the parameter recovery.{field} to its ONNX file"
         raise RecoveryError(msg)
     if not path.is_file() or not os.access(path, os.R_OK):
-        msg = f"{path}: no readable file; set the parameter {field} to the ONNX file of {tracker!r}"
+        msg = f"{path}: no readable file; set the parameter recovery.{field} to the ONNX file of {tracker!r}"
         raise RecoveryError(msg)
     return path
 

@@ -39,7 +39,8 @@ def published_state(path: Path, origin: Origin) -> dict[str, Tensor]:
         RecoveryError: no readable file, or not a file of weights.
     """
     if not path.is_file() or not os.access(path, os.R_OK):
-        msg = f"{path}: no readable file; set the parameter {origin.parameter} to {origin.file}, or {origin.others}"
+        named = f"recovery.{origin.parameter}"
+        msg = f"{path}: no readable file; set the parameter {named} to {origin.file}, or {origin.others}"
         raise RecoveryError(msg)
     if path.stat().st_size > FILE_BYTES_MAX:
         msg = f"{path}: {path.stat().st_size >> 20} MiB are too many for {origin.network}: give {origin.file}"

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from etd_ros.benchmarking import report
-from etd_ros.benchmarking.live_bench import Outcome
 from etd_ros.benchmarking.live_figures import keeps_up
+from etd_ros.benchmarking.live_outcome import Outcome
 
 PERCENTILES = tuple(f"latency{of}_p{percent}" for of in ("_floor", "", "_node") for percent in (50, 99))
 OVERLOAD = {

@@ -175,19 +175,46 @@ def test_an_older_result_survives_a_failure(capsys, place, tmp_path):
     assert (place / "tracks.csv").read_text() == "older"
 
 
+@pytest.mark.parametrize("name", ["bag.mcap", "metadata.yaml"])
+@pytest.mark.parametrize("command", ["track", "calibrate", "nzge"])
+def test_no_file_in_the_folder_of_a_recording_is_overwritten(capsys, place, tmp_path, command, name):
+    recording = command_bags.sound(tmp_path / "bag")
+    before = (recording / name).read_bytes()
+    arguments = [command, str(recording), "--output", str(recording / name)]
+    assert_refused(capsys, place, [*arguments, *(["--target", TARGET] if command == "track" else [])], name, "is read")
+    assert (recording / name).read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["track", "calibrate", "nzge"])
+def test_the_parameter_file_is_not_overwritten(capsys, place, bag, tmp_path, command):
+    config = tmp_path / "sensor.yaml"
+    config.write_text("/**:\n  ros__parameters:\n    atsltd: {cell_size: 4}\n")
+    arguments = [command, bag, "--config", str(config), "--output", str(config)]
+    assert_refused(
+        capsys, place, [*arguments, *(["--target", TARGET] if command == "track" else [])], "sensor.yaml", "is read"
+    )
+
+
+def test_tracks_beside_the_recording_are_written_and_written_again(place, bag, tmp_path):
+    tracks = Path(bag) / "tracks.csv"
+    for _ in range(2):
+        assert main(["track", bag, "--target", TARGET, "--output", str(tracks)]) == 0
+        assert tracks.is_file()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--method", "guess"], ("guess", "etd-nr")),
         (["--set", "tracking.failure_iou=7"], ("failure_iou", "[0, 1]")),
         (["--set", "tracking.failure_iou=nan"], ("failure_iou", "finite")),
-        (["--set", "tracking.failure_iou=much"], ("failure_iou", "float")),
+        (["--set", "tracking.failure_iou=much"], ("failure_iou", "a number")),
         (["--set", "tracking.failure_iou=["], ("failure_iou",)),
         (["--set", "tracking.failure_iou=2020-13-45"], ("failure_iou",)),
         (["--set", f"tracking.failure_iou={'9' * 5000}"], ("failure_iou",)),
         (["--set", "tracking.failure_iou"], ("NAME=VALUE",)),
         (["--set", "tracking.luck=1"], ("luck", "failure_iou")),
-        (["--set", "luck=1"], ("luck", "tracking.failure_iou")),
+        (["--set", "luck=1"], ("luck", "etd_ros parameters")),
         (["--config", "missing.yaml"], ("missing.yaml",)),
     ],
 )
@@ -236,6 +263,26 @@ def test_simulate_refuses_an_output_that_cannot_be_written(capsys, place):
 @pytest.mark.parametrize("rate", ["0", "-1", "nan", "1e9"])
 def test_replay_refuses_a_rate_out_of_range(capsys, place, bag, rate):
     assert_refused(capsys, place, ["replay", bag, f"--rate={rate}"], "--rate")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ("COMMAND", "python -m etd_ros --help")),
+        (["trak"], ("'trak'", "'track'", "python -m etd_ros --help")),
+        (["track"], ("--output", "python -m etd_ros track --help")),
+        (["track", "a", "--output", "b", "--size", "big"], ("--size", "640x480", "python -m etd_ros track --help")),
+        (["simulate", "nothing"], ("'nothing'", "'trio'", "python -m etd_ros simulate --help")),
+    ],
+)
+def test_words_that_no_command_takes_are_one_line_with_where_to_look(capsys, place, arguments, words):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("etd_ros: ")
+    for word in words:
+        assert word in line
 
 
 @pytest.mark.parametrize(

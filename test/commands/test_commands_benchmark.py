@@ -149,6 +149,7 @@ def test_the_table_leaves_out_what_is_not_there():
     table = report.table([row(), row(peer="other", peer_value=12.345, ratio=10.0)])
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(table)
+    assert "frames/s" not in console.export_text(clear=False)
     first, second = (line for line in console.export_text().splitlines() if "123" in line)
     assert [cell.strip() for cell in first.split("│")[1:8]] == [
         "conversion",
@@ -160,3 +161,11 @@ def test_the_table_leaves_out_what_is_not_there():
         "",
     ]
     assert [cell.strip() for cell in second.split("│")[1:9]] == ["", "", "", "123", "Mev/s", "other", "12.3", "10.00"]
+
+
+def test_no_name_is_cut_however_narrow_the_terminal():
+    names = ["overload_latency_p50" + "_" * 100, "overload_latency_p99" + "_" * 100]
+    console = Console(width=40, record=True, file=io.StringIO())
+    report.print_table([row(what=name) for name in names], console)
+    for name in names:
+        assert name in console.export_text(clear=False)

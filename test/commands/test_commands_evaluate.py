@@ -151,9 +151,11 @@ def test_a_start_is_no_recovery(scene):
     assert result.recoveries == 0
 
 
-def test_the_systems_are_listed_one_a_line(capsys):
+def test_the_systems_are_listed_one_a_line_with_what_they_are(capsys):
     assert main(["evaluate", "--list"]) == 0
-    assert capsys.readouterr().out.splitlines() == list(SYSTEMS)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(SYSTEMS)
+    assert [line.split(maxsplit=1)[1] for line in lines] == [system.description for system in SYSTEMS.values()]
 
 
 @pytest.fixture

@@ -297,6 +297,18 @@ def test_changes_are_undone_and_done_again(page):
     page.here("target_1: no label")
 
 
+def test_what_a_target_is_can_be_typed_beside_its_name(page, output):
+    page.draw((10, 10, 20, 20))
+    page.here("target_1: x 10")
+    page.browser.find_element("css selector", "#targets li input.class").click()
+    page.press("person", Keys.ENTER)
+    page.until(lambda: page.browser.find_element("css selector", "#targets li input.class").get_property("value"))
+    page.save()
+    assert [row.class_id for row in read_boxes(output)["target_1"]] == ["person"]
+    page.press("z", held=[Keys.CONTROL])
+    page.until(lambda: page.browser.find_element("css selector", "#targets li input.class").get_property("value") == "")
+
+
 def test_key_frames_are_gone_to_and_removed(page):
     for picture in (2, 6):
         page.go(picture)

@@ -98,6 +98,61 @@ def test_a_csv_without_kept_key_frames_is_loaded(output):
     assert begun(output).state()["targets"] == session.state()["targets"]
 
 
+def test_what_targets_are_is_kept_saved_and_read_again(output):
+    output.write_text(
+        "target,stamp_ns,x,y,w,h,class\n"
+        + "".join(f"anna,{STAMPS[picture]},10,10,20,20,person\n" for picture in (2, 3))
+        + "".join(f"ball,{STAMPS[picture]},50,10,20,20,\n" for picture in (2, 3))
+    )
+    session = begun(output)
+    assert {found["name"]: found["class"] for found in session.state()["targets"]} == {"anna": "person", "ball": ""}
+    edit(session, "class", target="ball", to=" toy ")
+    edit(session, "box", target="ball", picture=4, box=BOX)
+    edit(session, "rename", target="anna", to="bea")
+    assert begun(output).state()["targets"] == session.state()["targets"]
+    session.save()
+    classes = {name: [row.class_id for row in rows] for name, rows in read_boxes(output).items()}
+    assert classes == {"bea": ["person"] * 2, "ball": ["toy"] * 3}
+    session.keys_path.unlink()
+    assert {found["name"]: found["class"] for found in begun(output).state()["targets"]} == {
+        "bea": "person",
+        "ball": "toy",
+    }
+
+
+def test_a_class_is_taken_away_and_comes_back_by_undo(output):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    edit(session, "class", target="ball", to="toy")
+    assert target(edit(session, "class", target="ball", to=""))["class"] == ""
+    assert target(edit(session, "undo"))["class"] == "toy"
+
+
+def test_without_a_class_the_csv_has_no_column_for_it(output):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    session.save()
+    assert output.read_text().startswith("target,stamp_ns,x,y,w,h\n")
+
+
+@pytest.mark.parametrize("class_id", ["two\nlines", "p" * 61])
+def test_a_class_that_cannot_be_printed_is_refused(output, class_id):
+    session = begun(output)
+    edit(session, "box", target="ball", picture=2, box=BOX)
+    with pytest.raises(LabellingError, match="at most 60 printable characters"):
+        edit(session, "class", target="ball", to=class_id)
+    assert target(session.state())["class"] == ""
+
+
+def test_kept_key_frames_of_before_there_were_classes_go_on(output):
+    targets = [{"name": "a", "key_frames": [[int(STAMPS[2]), [1, 2, 3, 4]]]}]
+    kept = {"is_saved": False, "csv_digest": None, "targets": targets}
+    begun(output).keys_path.write_text(json.dumps(kept))
+    state = begun(output).state()
+    assert target(state, "a")["class"] == ""
+    assert target(state, "a")["boxes"][2] == [1, 2, 3, 4]
+
+
 def test_a_csv_changed_by_somebody_else_is_what_goes_on(output):
     session = begun(output)
     edit(session, "box", target="ball", picture=2, box=BOX)

@@ -1,6 +1,12 @@
 """What stands after --ros-args and is wrong: one line of ours and exit code 2, as for every bad input."""
 
+import os
+import subprocess
+import sys
+
 import pytest
+
+from etd_ros.nodes.arguments import own_arguments
 
 
 @pytest.mark.parametrize("name", ["tracker", "replay"])
@@ -16,12 +22,46 @@ def test_arguments_that_ros_refuses_are_one_line_and_exit_code_2(bench, reposito
     assert "Traceback" not in bench.log(name)
 
 
+@pytest.mark.parametrize("words", [("targets:=ball:1,2,3,4", "auto"), ("auto:=true",)])
 @pytest.mark.parametrize("name", ["accumulator", "pipeline"])
-def test_words_that_mean_nothing_are_one_line_and_exit_code_2(bench, name):
-    assert bench.start(name, "targets:=ball:1,2,3,4", "auto").wait(timeout=60) == 2
+def test_words_that_mean_nothing_are_one_line_and_exit_code_2(bench, name, words):
+    assert bench.start(name, *words).wait(timeout=60) == 2
     (line,) = bench.log(name).splitlines()
-    assert line.startswith("etd_ros: targets:=ball:1,2,3,4 auto: ")
+    assert line.startswith(f"etd_ros: {' '.join(words)}: ")
     assert "--ros-args -p NAME:=VALUE" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "own"),
+    [
+        ([], []),
+        (["a", "--rate", "2"], ["a", "--rate", "2"]),
+        (["a", "--ros-args", "-r", "b:=c", "-p", "d:=1", "--", "e", "--ros-args", "-r", "f:=g"], ["a", "e"]),
+        (["auto:=true", "--ros-args"], ["auto:=true"]),
+    ],
+)
+def test_what_stands_outside_of_ros_s_arguments_is_the_program_s_own(arguments, own):
+    assert own_arguments(["program", *arguments]) == own
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("queue_s:=1", "parameter queue_s needs a number from 0.001 to 3600, not 1: write it as in 0.08"),
+        ("queue_s:=-1.0", "parameter queue_s needs a number from 0.001 to 3600, not -1.0: write it as in 0.08"),
+        ("auto:=1", "parameter auto needs true or false, not 1: write it as in false"),
+        ("targets:=5", "parameter targets needs a text, not 5: write it as in '5'"),
+        ("targets_max:=2.0", "parameter targets_max needs a whole number from 1 to 1000, not 2.0: write it as in 64"),
+        (
+            "contours.person_classes:=dog",
+            "parameter contours.person_classes needs a list of texts, not 'dog': write it as in [person, pedestrian]",
+        ),
+    ],
+)
+def test_a_parameter_of_another_kind_is_one_line_with_an_example(bench, given, words):
+    assert bench.start("pipeline", ros=("-p", given)).wait(timeout=60) == 2
+    (line,) = bench.log("pipeline").splitlines()
+    assert line == f"etd_ros: {words}"
 
 
 def warnings_of(bench, name: str) -> list[str]:
@@ -46,6 +86,23 @@ def test_parameters_of_other_nodes_and_known_ones_are_no_warning(bench, tmp_path
     bench.start("pipeline", ros=("--params-file", str(file)))
     bench.wait_until(lambda: bench.figure("pipeline", "life cycle") == "active", "the node runs")
     assert not warnings_of(bench, "pipeline")
+
+
+@pytest.mark.parametrize("content", ["/pipelines:\n  ros__parameters: {auto: true}\n", "target,x\na,1\n"])
+def test_a_parameter_file_that_holds_none_for_the_node_is_one_warning(bench, tmp_path, content):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(content)
+    # Not by the bench, which gives each node a parameter.
+    with (tmp_path / "tracker.log").open("w") as log:
+        bench.processes["tracker"] = subprocess.Popen(
+            [sys.executable, "-m", "etd_ros.nodes", "tracker", "--ros-args", "--params-file", str(file)],
+            stderr=log,
+            env={**os.environ, "ROS_DOMAIN_ID": str(bench.domain)},
+        )
+    bench.wait_until(lambda: bench.figure("tracker", "life cycle") == "active", "the node runs all the same")
+    (line,) = [line for line in bench.log("tracker").splitlines() if "no parameters for" in line]
+    assert str(file) in line
+    assert "ros__parameters" in line
 
 
 @pytest.mark.parametrize("name", ["accumulator", "reconstruction", "tracker", "pipeline"])

@@ -1,5 +1,8 @@
 """Nodes are configured, activated, deactivated and cleaned up by whoever manages them, or by themselves."""
 
+import subprocess
+import sys
+
 import pytest
 from conftest import Bench
 from lifecycle_msgs.msg import Transition
@@ -41,11 +44,16 @@ def test_a_node_goes_through_its_life_cycle_and_back_and_ends(bench, name):
 def test_a_transition_that_cannot_be_is_refused_and_the_node_goes_on(bench, name):
     bench.start(name)
     bench.wait_until(lambda: phase(bench, name) == "active", "it is active")
-    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE, 200):
-        request = ChangeState.Request(transition=Transition(id=number))
+    numbers = [
+        Transition(id=number) for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE, 200)
+    ]
+    labels = [Transition(label=label) for label in ("activate", "fly")]
+    for transition in (*labels, *numbers):
+        request = ChangeState.Request(transition=transition)
         assert not bench.call(ChangeState, f"/{name}/change_state", request).success
     assert "transition 1 is refused: the node is active" in bench.log(name)
-    bench.wait_until(lambda: bench.figure(name, "errors") == "3", "the three are counted")
+    assert "transition activate is refused: the node is active (from here it takes deactivate, " in bench.log(name)
+    bench.wait_until(lambda: bench.figure(name, "errors") == "5", "the five are counted")
     assert bench.change_state(name, "deactivate", "activate")
     bench.wait_until(lambda: phase(bench, name) == "active", "it goes on")
 
@@ -71,6 +79,41 @@ def test_wrong_parameters_are_refused_when_it_is_configured_and_may_be_mended(be
     assert "nowhere.csv" in bench.log("tracker")
     assert bench.set_parameter("tracker", "targets_file", "") == (True, "")
     assert bench.change_state("tracker", "configure", "activate")
+
+
+@pytest.mark.parametrize("error", ["EtdError", "ValueError"])
+@pytest.mark.parametrize("fails", ["configure", "activate"])
+def test_a_transition_that_fails_leaves_nothing_behind(fails, error):
+    program = f"""
+import threading
+import rclpy
+from rclpy.lifecycle import TransitionCallbackReturn
+from std_msgs.msg import String
+from etd_ros.errors import EtdError
+from etd_ros.nodes.base import EtdNode
+from etd_ros.nodes.node_parameters import NodeOptions
+
+class Failing(EtdNode):
+    def {fails}(self):
+        self.create_publisher(String, "~/left", 1)
+        raise {error}("on purpose")
+
+rclpy.init()
+node = Failing("failing", (), NodeOptions)
+threads, publishers = threading.active_count(), len(list(node.publishers))
+results = [node.trigger_configure()]
+if "{fails}" == "activate":
+    results.append(node.trigger_activate())
+assert results[-1] != TransitionCallbackReturn.SUCCESS
+assert len(list(node.publishers)) == publishers, "a publisher is left"
+assert threading.active_count() == threads, "a thread is left"
+node.stop()
+node.destroy_node()
+rclpy.shutdown()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "on purpose" in done.stderr
 
 
 def test_targets_are_kept_over_a_pause(bench, repository):

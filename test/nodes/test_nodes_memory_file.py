@@ -1,5 +1,6 @@
 """What a `memory_file` may be: a damaged one keeps no node from starting, and nothing else is ever overwritten."""
 
+import dataclasses
 import shutil
 from pathlib import Path
 
@@ -15,6 +16,8 @@ TARGETS = "targets:=ball:64.866,34.762,40,40"
 STAMP_NS = 1_700_000_000_000_000_000
 REPORTS = [TargetReport(name, TargetState.TRACKING, Box(1.0, 2.0, 30.0, 40.0), 0.5) for name in ("ball", "drum")]
 
+CLASSES = {"ball": "", "drum": "person"}
+
 
 def remembering(path: Path) -> TargetMemory:
     warnings: list[str] = []
@@ -29,12 +32,54 @@ def written(tmp_path) -> bytes:
     path = tmp_path / "written.csv"
     memory = remembering(path)
     for stamp_ns in (STAMP_NS, STAMP_NS + 50_000_000):
-        memory.note(stamp_ns, REPORTS)
+        memory.note(stamp_ns, REPORTS, CLASSES.__getitem__)
     memory.save()
     assert {target.name for target in remembering(path).recall(STAMP_NS + 100_000_000)} == {"ball", "drum"}
     content = path.read_bytes()
     path.unlink()
     return content
+
+
+@pytest.mark.parametrize("state", [TargetState.TRACKING, TargetState.LOST])
+def test_what_a_target_is_comes_back_with_it(tmp_path, state):
+    path = tmp_path / "memory.csv"
+    memory = remembering(path)
+    memory.note(STAMP_NS, REPORTS, CLASSES.__getitem__)
+    later = [
+        dataclasses.replace(report, state=state, box=report.box if state is TargetState.TRACKING else None)
+        for report in REPORTS
+    ]
+    memory.note(STAMP_NS + 50_000_000, later, CLASSES.__getitem__)
+    memory.save()
+    assert {target.name: target.class_id for target in remembering(path).recall(STAMP_NS + 100_000_000)} == CLASSES
+
+
+@pytest.mark.parametrize("class_id", ["a,b", 'so "called"'])
+def test_a_class_may_hold_what_tables_are_made_of(tmp_path, class_id):
+    path = tmp_path / "memory.csv"
+    memory = remembering(path)
+    memory.note(STAMP_NS, REPORTS, lambda _: class_id)
+    memory.save()
+    assert {target.class_id for target in remembering(path).recall(STAMP_NS)} == {class_id}
+
+
+@pytest.mark.parametrize("class_id", ["two\nlines", "\0", "\ud800", "p" * 65])
+def test_a_class_that_no_table_can_hold_is_left_out_and_the_boxes_stay(tmp_path, class_id):
+    path = tmp_path / "memory.csv"
+    memory = remembering(path)
+    memory.note(STAMP_NS, REPORTS, lambda _: class_id)
+    memory.save()
+    assert [(found.name, found.class_id) for found in remembering(path).recall(STAMP_NS)] == [
+        ("ball", ""),
+        ("drum", ""),
+    ]
+
+
+def test_a_memory_of_before_there_were_classes_is_taken_back(tmp_path):
+    path = tmp_path / "memory.csv"
+    path.write_text(f"stamp_ns,target,x,y,w,h,score,state\n{STAMP_NS},ball,2.0,3.0,40.0,50.0,1.0,tracking\n")
+    (target,) = remembering(path).recall(STAMP_NS)
+    assert (target.name, target.box, target.class_id) == ("ball", Box(2, 3, 40, 50), "")
 
 
 def test_a_memory_that_is_cut_at_any_byte_is_set_aside_with_one_warning(tmp_path, written):

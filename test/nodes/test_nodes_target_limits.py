@@ -17,8 +17,8 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.events import Events
 from etd_ros.nodes.connections import FRAME_QOS
-from etd_ros.nodes.target_input import names_of
 from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes
+from etd_ros.nodes.target_places import names_of
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import (
     Detection,
@@ -144,7 +144,8 @@ def test_a_message_that_names_thousands_of_boxes_takes_no_more_places_than_there
     targets.publish(boxes_at(EMPTY_CORNER, *(f"flood_{number}" for number in range(5000))))
     bench.wait_until(lambda: errors(bench) == 4999, "all but one are refused")
     bench.wait_until(lambda: bench.figure("pipeline", "targets") == "3", "three are followed")
-    assert states_of(bench).keys() == {"ball", "drum", "flood_0"}
+    # The states come on a topic of their own, which may reach a busy machine's bench later.
+    bench.wait_until(lambda: states_of(bench).keys() == {"ball", "drum", "flood_0"}, "these are the three")
     (line,) = [line for line in bench.log("pipeline").splitlines() if "flood_" in line]
     for part in ("4999 new targets", "targets_max = 3", "an id that stays the same", "a box of size 0"):
         assert part in line

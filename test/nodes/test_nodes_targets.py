@@ -10,7 +10,7 @@ from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithP
 from etd_ros.boxes import Box
 from etd_ros.conversion import Frame
 from etd_ros.engine import FrameSource
-from etd_ros.evaluation import read_boxes
+from etd_ros.evaluation import read_boxes, read_tracks
 from etd_ros.events import concatenate
 from etd_ros.nodes.connections import FRAME_QOS
 from etd_ros.settings import Settings
@@ -123,6 +123,52 @@ def frames_of_turning_square() -> tuple[Box, list[Frame]]:
     return scene.box("square", 0.0), list(FrameSource("atsltd_fine", 240, 180, Settings()).frames(events))
 
 
+BEFORE_RESTART = 5
+
+
+@pytest.mark.parametrize("given_again", [[], ["square"]])
+@pytest.mark.parametrize(("of_class", "is_upright"), [("=person", True), ("", False)])
+def test_a_person_is_one_after_a_restart_too(bench, tmp_path, of_class, is_upright, given_again):
+    memory = tmp_path / "memory.csv"
+    bench.listen("/tracker/detections", Detection2DArray)
+    box, frames = frames_of_turning_square()
+    images = bench.node.create_publisher(Image, "/accumulator/frames", FRAME_QOS)
+    found = bench.messages["/tracker/detections"]
+
+    def start(*parameters: str) -> None:
+        words = [
+            word
+            for value in (f"memory_file:={memory}", "contours.refine_gain:=0.0", *parameters)
+            for word in ("-p", value)
+        ]
+        bench.start("tracker", ros=tuple(words))
+        bench.wait_until(lambda: images.get_subscription_count() == 1, "frames are read")
+
+    def track(part: list[Frame]) -> list[Detection]:
+        before = len(found)
+        for number, frame in enumerate(part, before + 1):
+            images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
+            bench.wait_until(lambda number=number: len(found) == number, "the frame is tracked")
+        return [item for message in found[before:] for item in decode_detections(message).detections]
+
+    def remembered_ns() -> int:
+        rows = read_tracks(memory).get("square", []) if memory.is_file() else []
+        return rows[-1].stamp_ns if rows else 0
+
+    start("targets:=square:{},{},{},{}{}".format(*box, of_class))
+    track(frames[:BEFORE_RESTART])
+    bench.wait_until(lambda: remembered_ns() == frames[BEFORE_RESTART - 1].stamp_ns, "it is remembered")
+    assert bench.end("tracker") == 0
+    bench.wait_until(lambda: images.get_subscription_count() == 0, "it has left")
+    at_box = "{},{},{},{}".format(*read_tracks(memory)["square"][-1].box)
+    start(*(f"targets:={name}:{at_box}" for name in given_again))
+    detections = track(frames[BEFORE_RESTART:])
+    assert {item.class_id for item in detections} == {"person" if of_class else "square"}
+    proportions = [item.box.w / item.box.h for item in detections]
+    assert len(detections) == len(frames) - BEFORE_RESTART
+    assert (max(proportions) - min(proportions) < 1e-6) == is_upright
+
+
 @pytest.mark.parametrize(("person", "is_upright"), [(0.7, True), (0.1, False)])
 def test_a_box_whose_best_class_is_a_person_is_followed_upright(bench, person, is_upright):
     bench.listen("/tracker/detections", Detection2DArray)
@@ -141,7 +187,9 @@ def test_a_box_whose_best_class_is_a_person_is_followed_upright(bench, person, i
     for number, frame in enumerate(frames, 1):
         images.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id="camera"))
         bench.wait_until(lambda number=number: len(found) == number, "the frame is tracked")
-    boxes = [item.box for message in found for item in decode_detections(message).detections]
+    detections = [item for message in found for item in decode_detections(message).detections]
+    assert {item.class_id for item in detections} == {"Person" if is_upright else "car"}
+    boxes = [item.box for item in detections]
     proportions = [box.w / box.h for box in boxes]
     assert len(boxes) == len(frames)
     assert (max(proportions) - min(proportions) < 1e-6) == is_upright

@@ -189,7 +189,7 @@ def test_images_that_are_not_grey_are_refused():
 
 
 def test_models_that_are_not_named_not_there_or_not_models_are_refused_at_once(tmp_path):
-    with pytest.raises(RecoveryError, match="set the parameter dasiamrpn_model"):
+    with pytest.raises(RecoveryError, match="set the parameter recovery.dasiamrpn_model"):
         make_recovery(RecoveryConfig(tracker="dasiamrpn"))
     missing = tmp_path / "missing.onnx"
     with pytest.raises(RecoveryError, match=r"missing\.onnx: no readable file"):

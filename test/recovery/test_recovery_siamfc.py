@@ -146,7 +146,7 @@ def test_files_of_another_network_and_damaged_ones_are_refused_in_one_line(model
     path.write_bytes(model.read_bytes()[:5000])
     with pytest.raises(RecoveryError, match=r"odd\.pth: not a file of plain weights"):
         load_siamfc(path)
-    with pytest.raises(RecoveryError, match=r"gone\.pth: no readable file; set the parameter siamfc_model"):
+    with pytest.raises(RecoveryError, match=r"gone\.pth: no readable file; set the parameter recovery.siamfc_model"):
         load_siamfc(tmp_path / "gone.pth")
 
 

@@ -141,7 +141,7 @@ def test_tensors_without_plain_numbers_are_refused(model, tmp_path):
 
 
 def test_a_file_that_is_not_named_or_not_there_is_asked_for(tmp_path):
-    with pytest.raises(RecoveryError, match="set the parameter siamrpn_model"):
+    with pytest.raises(RecoveryError, match="set the parameter recovery.siamrpn_model"):
         make_recovery(RecoveryConfig(tracker="siamrpn"))
     with pytest.raises(RecoveryError, match=r"missing\.model: no readable file"):
         make_recovery(RecoveryConfig(tracker="siamrpn", siamrpn_model=str(tmp_path / "missing.model")))

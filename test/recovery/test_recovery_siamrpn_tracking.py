@@ -222,7 +222,7 @@ def test_the_file_of_the_otb_benchmark_is_known_by_its_name(model, tmp_path):
 
 
 def test_files_that_are_not_there_are_told_in_one_line(tmp_path):
-    with pytest.raises(RecoveryError, match=r"gone\.model: no readable file; set the parameter siamrpn_model"):
+    with pytest.raises(RecoveryError, match=r"gone\.model: no readable file; set the parameter recovery.siamrpn_model"):
         make_siamrpn(RecoveryConfig(siamrpn_model=str(tmp_path / "gone.model")))
     with pytest.raises(RecoveryError, match=r"gone\.safetensors: no readable safetensors file"):
         make_siamrpn(RecoveryConfig(compact_model=str(tmp_path / "gone.safetensors")))

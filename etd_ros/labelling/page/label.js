@@ -180,6 +180,14 @@ function targetRow(target, index) {
   name.title = "click to rename";
   name.addEventListener("focus", () => choose(target.name));
   name.addEventListener("blur", () => rename(target.name, name.value));
+  const kind = document.createElement("input");
+  kind.className = "class";
+  kind.value = target.class;
+  kind.maxLength = 60;
+  kind.placeholder = "class";
+  kind.title = "what it is, as in person (may be empty)";
+  kind.addEventListener("focus", () => choose(target.name));
+  kind.addEventListener("blur", () => classify(target, kind.value));
   const number = document.createElement("span");
   number.className = "count";
   number.textContent = `${target.keys.length} key${target.keys.length === 1 ? "" : "s"}`;
@@ -187,7 +195,7 @@ function targetRow(target, index) {
   remove.textContent = "×";
   remove.title = `delete ${target.name} (can be undone)`;
   remove.addEventListener("click", () => edit("delete", { target: target.name }));
-  row.append(swatch, name, number, remove);
+  row.append(swatch, name, kind, number, remove);
   row.addEventListener("click", (event) => event.target !== remove && choose(target.name));
   return row;
 }
@@ -223,6 +231,12 @@ function rename(name, wanted) {
     if (active === name && !targetOf(to)) active = to;
     edit("rename", { target: name, to }).then(drawAll);
   } else setTimeout(drawAll);
+}
+
+function classify(target, wanted) {
+  const to = wanted.trim();
+  if (to !== target.class) edit("class", { target: target.name, to }).then(drawAll);
+  else setTimeout(drawAll);
 }
 
 function drawn(name, box) {

@@ -1,0 +1,48 @@
+"""Tracks against the truth: scores, a plot, and files that do not belong together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from etd_ros.boxes import Box
+from etd_ros.cli import main
+from etd_ros.evaluation import TimedBox, TrackRow, TracksWriter, write_boxes
+
+BOX = Box(1.0, 2.0, 30.0, 40.0)
+
+
+def files(folder: Path, tracked: str, labelled: str, labelled_from_ns: int) -> list[str]:
+    """Tracks from 1000 ns to 1400 ns, and labels of the same box for as long."""
+    with TracksWriter(folder / "tracks.csv") as tracks:
+        for stamp_ns in range(1000, 1500, 100):
+            tracks.write(TrackRow(stamp_ns, tracked, BOX, 1.0, "tracking"))
+    labels = [TimedBox(stamp_ns, BOX) for stamp_ns in range(labelled_from_ns, labelled_from_ns + 500, 100)]
+    write_boxes(folder / "boxes.csv", {labelled: labels})
+    return [str(folder / "tracks.csv"), str(folder / "boxes.csv"), "--output", str(folder / "plot.png")]
+
+
+@pytest.mark.parametrize("labelled_from_ns", [600, 1000, 1400])
+def test_the_scores_are_printed_and_the_plot_is_there(capsys, place, labelled_from_ns):
+    assert main(["plot", *files(place, "ball", "ball", labelled_from_ns)]) == 0
+    assert capsys.readouterr().out.startswith("ball: AP ")
+    assert (place / "plot.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("labelled", "labelled_from_ns", "words"),
+    [
+        ("drum", 1000, ("name no target in common (ball; drum)", "the same recording")),
+        ("ball", 500, ("have no time in common (ball from 1000 ns, and from 500 ns)", "the same clock")),
+        ("ball", 1401, ("have no time in common (ball from 1000 ns, and from 1401 ns)", "the same clock")),
+    ],
+)
+def test_boxes_of_another_recording_are_no_score_of_0(capsys, place, labelled, labelled_from_ns, words):
+    assert main(["plot", *files(place, "ball", labelled, labelled_from_ns)]) == 2
+    captured = capsys.readouterr()
+    (line,) = captured.err.splitlines()
+    for word in ("tracks.csv", "boxes.csv", *words):
+        assert word in line
+    assert captured.out == ""
+    assert not (place / "plot.png").exists()
