@@ -155,7 +155,7 @@ def _lost_by_levels(cells: CellMap, cell: np.uint64) -> tuple[float, int]:
     """The same of a cell of one tile, level by level instead of pixel by pixel."""
     if not cells.is_counted[cell]:
         return 0.0, 0
-    cell_pixels = len(cells.shared_loss) - 1
+    cell_pixels = _U64(len(cells.shared_loss) - 1)
     rest, lost, full = cells.words[cell], 0.0, 0
     while rest:
         same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(rest))])

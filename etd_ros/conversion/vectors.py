@@ -37,6 +37,28 @@ def vector_at(builder: Any, first: Any, index: Any, kind: ir.Type) -> Any:
     return builder.bitcast(builder.gep(first, [index]), kind.as_pointer())
 
 
+def as_it_is(context: Any, builder: Any, vector: Any) -> Any:
+    """The vector, of which the compiler does not know how it was made, on AVX-512 with VBMI, where that pays: else it
+    puts several of what a processor does on any of its units into one that only one unit does, which waits for it."""
+    if not has_features(context, "avx512vbmi"):
+        return vector
+    kind = ir.FunctionType(vector.type, [vector.type])
+    return builder.call(ir.InlineAsm(kind, "", "=v,0"), [vector])
+
+
+def has_features(context: Any, *features: str) -> bool:
+    """Whether the processor that is compiled for has these."""
+    _, _, found = context.codegen().magic_tuple()
+    return {f"+{feature}" for feature in features} <= set(found.split(","))
+
+
+def spread_bits(builder: Any, word: Any, places: int) -> Any:
+    """The lowest bits of a word at the places of a number's set bits, on processors with BMI2."""
+    kind = ir.FunctionType(WORD, [WORD, WORD])
+    function = get_or_insert_function(builder.module, kind, "llvm.x86.bmi.pdep.32")  # type: ignore[no-untyped-call]
+    return builder.call(function, [word, ir.Constant(WORD, places)])
+
+
 def count_bits_of_lanes(builder: Any, words: Any) -> Any:
     """Number of set bits of each lane."""
     return _call(builder, "ctpop", words, words.type)
