@@ -95,6 +95,7 @@ def source_digest() -> str:
         "batches.py",
         "bits.py",
         "cell_map.py",
+        "extremes.py",
         "frame_buffers.py",
         "marks.py",
         "nzge.py",

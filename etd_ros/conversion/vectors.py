@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import ir
 from numba.core.cgutils import get_item_pointer, get_or_insert_function
 
-BIT, BYTE, WORD, LONG = (ir.IntType(bits) for bits in (1, 8, 32, 64))
+BIT, BYTE, HALF, WORD, LONG = (ir.IntType(bits) for bits in (1, 8, 16, 32, 64))
 FLOAT, DOUBLE = ir.FloatType(), ir.DoubleType()
 
 
@@ -67,6 +67,11 @@ def count_bits_of_lanes(builder: Any, words: Any) -> Any:
 def sum_of_lanes(builder: Any, words: Any) -> Any:
     """Sum over the lanes."""
     return _call(builder, "vector.reduce.add", words, words.type.element)
+
+
+def largest_lane(builder: Any, numbers: Any) -> Any:
+    """Largest of the lanes, which are not negative."""
+    return _call(builder, "vector.reduce.umax", numbers, numbers.type.element)
 
 
 def fetch_to_write(builder: Any, item: Any) -> None:
