@@ -155,15 +155,35 @@ def _lost_by_levels(cells: CellMap, cell: np.uint64) -> tuple[float, int]:
     """The same of a cell of one tile, level by level instead of pixel by pixel."""
     if not cells.is_counted[cell]:
         return 0.0, 0
-    cell_pixels = _U64(len(cells.shared_loss) - 1)
-    rest, lost, full = cells.words[cell], 0.0, 0
+    rest, lost = cells.words[cell], 0.0
     while rest:
         same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(rest))])
         rest = _U32(rest & _U32(~same))
-        on, off = _U64(count_bits(_U32(same & _ON_SLOTS))), _U64(count_bits(_U32(same >> _U32(CHANNEL_SLOTS))))
+        on, off = _on_and_off(same)
         lost += cells.shared_loss[on] + cells.shared_loss[off]
-        full |= ON * int(on == cell_pixels) | OFF * int(off == cell_pixels)
-    return lost, _is_without_entropy(cells, cell, full)
+    return lost, _is_without_entropy(cells, cell, _full_of_one_level(cells, cell))
+
+
+@kernel_part
+def _full_of_one_level(cells: CellMap, cell: np.uint64) -> int:
+    """Which channels of a cell of one tile have an event in each pixel, and one level. Hardly any has the first."""
+    cell_pixels = _U64(len(cells.shared_loss) - 1)
+    word, full = cells.words[cell], 0
+    on, off = _on_and_off(word)
+    if on == cell_pixels:
+        same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(word))])
+        full |= ON * int(_on_and_off(same)[0] == cell_pixels)
+    if off == cell_pixels:
+        off_word = _U32(word & _U32(~_ON_SLOTS))
+        same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(off_word))])
+        full |= OFF * int(_on_and_off(same)[1] == cell_pixels)
+    return full
+
+
+@kernel_part
+def _on_and_off(word: np.uint32) -> tuple[np.uint64, np.uint64]:
+    """How many of its On and of its Off bits are set."""
+    return _U64(count_bits(_U32(word & _ON_SLOTS))), _U64(count_bits(_U32(word >> _U32(CHANNEL_SLOTS))))
 
 
 @kernel_part
