@@ -58,13 +58,18 @@ class _Array:
 
 
 def _mark(builder: Any, slot: Any, words: _Array, last: _Array) -> Any:
-    """Set an event's bit, and return the word that was there before; have the place of its time fetched."""
+    """Set an event's bit, and return the word that was there before; have the place of its time fetched.
+
+    The word is read twice, as one that others may have changed meanwhile, which none do: a vector takes a lane from
+    memory in one instruction, and from another register in two, of a unit that all lanes wait for.
+    """
     fetch_to_write(builder, last.item(builder, builder.zext(slot, LONG)))
     tile = builder.lshr(slot, ir.Constant(WORD, (TILE_SLOTS - 1).bit_length()))
     word = words.item(builder, builder.zext(tile, LONG))
     before = builder.load(word)
     bit = builder.shl(ir.Constant(WORD, 1), builder.and_(slot, ir.Constant(WORD, TILE_SLOTS - 1)))
-    builder.store(builder.or_(before, bit), word)
+    again = builder.load_atomic(word, "monotonic", 4)
+    builder.store(builder.or_(again, bit), word)
     return before
 
 
