@@ -116,11 +116,12 @@ class FrameAccumulator:
         memory = (self._buffers.unfinished or self._buffers.next_one()).memory
         t, x, y, p = events.t, events.x, events.y, events.p
         step = advance_plain.call(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
-        if step is not None and step[0] == NOT_PLAIN:
-            slow_step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
-            step = None if slow_step[0] == NO_END else slow_step
-        if step is not None and step[0] == NOT_FOLLOWING:
-            raise not_following(events, self._previous_ns)
+        if step is not None and step[0] < 0:
+            if step[0] == NOT_PLAIN:
+                step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
+            if step[0] == NOT_FOLLOWING:
+                raise not_following(events, self._previous_ns)
+            step = None if step[0] == NO_END else step
         self._has_begun = True
         return step
 
