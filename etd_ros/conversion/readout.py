@@ -9,7 +9,7 @@ from etd_ros.borrowing_kernel import kernel_part
 from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
 from etd_ros.conversion.frame_buffers import written_from
-from etd_ros.conversion.tiles import clear_row, slots_of_level, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.tiles import clear_row, fetch_tile, slots_of_level, tile_levels, tiles_with_events, write_tile
 from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
 
 FEW_TWINS = 2
@@ -17,6 +17,9 @@ FEW_TWINS = 2
 
 HALF_UP = 0.5 + 1e-10
 """Rounds halves up: above the rounding errors (1e-13) and below the distance of other levels from a half (1 / 4e9)."""
+
+TILES_AHEAD = 48
+"""How far ahead a full frame's times are fetched: they are in no near memory, and all of them are needed."""
 
 ON, OFF = 1, 2
 
@@ -64,6 +67,7 @@ def read_levels(
                 else:
                     _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
             if is_full:
+                fetch_tile(cells.last, (tile + _U64(TILES_AHEAD)) << _U64(5))
                 loss, without = _lost_by_levels(cells, tile)
                 lost += loss
                 without_entropy += without

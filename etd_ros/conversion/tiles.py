@@ -23,6 +23,7 @@ from etd_ros.conversion.vectors import (
     WORD,
     all_lanes,
     as_it_is,
+    fetch,
     has_features,
     items,
     spread_bits,
@@ -33,6 +34,7 @@ TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.u
 TileLevels: TypeAlias = (
     "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8], bool], np.uint32]"
 )
+FetchTile: TypeAlias = "Callable[[npt.NDArray[np.int32], np.uint64], None]"
 SlotsOfLevel: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint8], np.uint32]"
 ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
@@ -147,6 +149,18 @@ def _tile_levels(
     return types.uint32(*arguments), generate
 
 
+def _fetch_tile(_typing: Any, last: Any, slot: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        first = items(context, builder, signature.args[0], arguments[0])
+        for line in range(0, TILE_SLOTS, CHANNEL_SLOTS):
+            time = builder.gep(first, [builder.add(arguments[1], ir.Constant(LONG, line))])
+            fetch(builder, time, to_write=False)
+        return context.get_dummy_value()
+
+    del slot
+    return types.void(last, types.uint64), generate
+
+
 def _slots_of_level(_typing: Any, levels: Any, level: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         levels_ = items(context, builder, signature.args[0], arguments[0])
@@ -197,6 +211,9 @@ level, 0 where that is not asked for.
 The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 where the word has no bit, are put into
 `levels`.
 """
+
+fetch_tile = cast("FetchTile", intrinsic(_fetch_tile))
+"""fetch_tile(last, slot): have the times of the 32 slots from `slot` on, which may be beyond the last, brought near."""
 
 slots_of_level = cast("SlotsOfLevel", intrinsic(_slots_of_level))
 """slots_of_level(levels, level): a bit for each of a tile's 32 slots that has this level, lowest first."""
