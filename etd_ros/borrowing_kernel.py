@@ -10,10 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit
+import numpy as np
+import numpy.typing as npt
+from numba import njit, types
+from numba.extending import lower_builtin, type_callable
+from numba.np.arrayobj import populate_array
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+Item = TypeVar("Item", bound=np.generic)
 
 
 def borrowing_kernel(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -34,3 +39,34 @@ def kernel_part(function: Callable[Arguments, Result]) -> Callable[Arguments, Re
 def borrowing_part(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """The same for a function that is long, and stays one of its own unless the compiler sees a gain."""
     return cast("Callable[Arguments, Result]", cast("Any", njit)(_nrt=False, nogil=True)(function))
+
+
+def part_of(array: npt.NDArray[Any], first: int, number: int, dtype: type[Item]) -> npt.NDArray[Item]:
+    """The items of dtype, `number` of them, that lie in a contiguous array from its item `first` on.
+
+    In kernels nobody verifies that they do: to cut a dozen parts out of an array takes as long otherwise as to add 20
+    events.
+    """
+    items = -(-number * np.dtype(dtype).itemsize // array.itemsize)
+    return array[first : first + items].view(dtype)[:number]
+
+
+@type_callable(part_of)
+def _type_of_part(_context: Any) -> Any:
+    def typer(array: Any, first: Any, number: Any, dtype: Any) -> Any:
+        del first, number
+        return types.Array(dtype.dtype, 1, "C", readonly=not array.mutable)
+
+    return typer
+
+
+@lower_builtin(part_of, types.Array, types.Integer, types.Integer, types.Any)  # type: ignore[no-untyped-call]
+def _lower_part(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    kind, (array, first, number, _) = signature.return_type, signature.args
+    whole = context.make_array(array)(context, builder, arguments[0])
+    part = context.make_array(kind)(context, builder)
+    index, count = (context.cast(builder, arguments[k], kind_, types.int64) for k, kind_ in ((1, first), (2, number)))
+    data = builder.bitcast(builder.gep(whole.data, [index]), part.data.type)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    populate_array(part, data, [count], [size], size, None)  # type: ignore[no-untyped-call]
+    return part._getvalue()

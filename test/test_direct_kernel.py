@@ -1,43 +1,66 @@
 import copy
+from sys import getrefcount
+from threading import Thread
 
 import numpy as np
 import pytest
-from numba import types
 
-from etd_ros.borrowing_kernel import borrowing_kernel
 from etd_ros.direct_kernel import (
     DirectKernel,
     addresses_of,
+    give_away_lock,
+    integer_of,
     is_plain,
-    python_object,
     take_int64,
+    take_lock_back,
     take_uint8,
     take_uint16,
+    to_python,
 )
 
 ADDRESSES = addresses_of(np.int64, np.uint16, np.uint8)
-NUMBERS = types.Array(types.int64, 1, "C")
+TURNS_MAX = 2**32
 
 
 class Derived(np.ndarray):
     pass
 
 
-@borrowing_kernel
-def _plainness(array, addresses, number):
-    return is_plain(array, addresses, number)
+def _plainness(known, arguments, _number):
+    return to_python(is_plain(arguments[0], take_int64(known), integer_of(arguments[1])))
 
 
-@borrowing_kernel
-def _sums(wide, middle, narrow, total):
-    wide_, middle_, narrow_ = take_int64(wide), take_uint16(middle), take_uint8(narrow)
+def _sums(_known, arguments, _number):
+    wide, middle, narrow = take_int64(arguments[0]), take_uint16(arguments[1]), take_uint8(arguments[2])
+    total = take_int64(arguments[3])
     for k in range(len(total)):
-        total[k] = wide_[k] + middle_[k] + narrow_[k]
-    return len(wide_), len(middle_), len(narrow_)
+        total[k] = wide[k] + middle[k] + narrow[k]
+    return to_python((len(wide), len(middle), len(narrow)))
 
 
-plainness = DirectKernel(_plainness, (python_object, NUMBERS, types.int64))
-sums = DirectKernel(_sums, (python_object, python_object, python_object, NUMBERS))
+def _half(_known, arguments, _number):
+    whole = integer_of(arguments[0])
+    return to_python(None) if whole % 2 else to_python((whole // 2, 0.5 * whole))
+
+
+def _how_many(_known, _arguments, number):
+    return to_python(number)
+
+
+def _turns_until_told(_known, arguments, _number):
+    told, turns = take_int64(arguments[0]), take_int64(arguments[1])
+    thread = give_away_lock(True)
+    while told[0] == 0 and turns[0] < TURNS_MAX:
+        turns[0] += 1
+    take_lock_back(thread)
+    return to_python(turns[0])
+
+
+plainness = DirectKernel(_plainness, ADDRESSES)
+sums = DirectKernel(_sums, ADDRESSES)
+half = DirectKernel(_half, None)
+how_many = DirectKernel(_how_many, None)
+turns_until_told = DirectKernel(_turns_until_told, None)
 
 
 def read_only(array):
@@ -67,12 +90,12 @@ def read_only(array):
     ],
 )
 def test_plain_is_what_a_kernel_may_read_as_it_lies(value, expected):
-    assert plainness.call(value, ADDRESSES, 2) is expected
+    assert plainness.call(value, 2) is expected
 
 
 def test_each_data_type_is_told_from_the_others():
     arrays = [np.zeros(3, dtype) for dtype in (np.int64, np.uint16, np.uint8)]
-    found = [[plainness.call(array, ADDRESSES, number) for number in (1, 2, 3)] for array in arrays]
+    found = [[plainness.call(array, number) for number in (1, 2, 3)] for array in arrays]
     np.testing.assert_array_equal(found, np.eye(3, dtype=bool))
 
 
@@ -82,3 +105,46 @@ def test_arrays_are_read_as_they_lie():
     for _ in range(2):
         assert sums.call(wide, middle, narrow, total) == (5, 5, 9)
         np.testing.assert_array_equal(total, wide + middle + narrow[:5])
+
+
+def test_whole_numbers_go_in_and_objects_come_out():
+    assert half.call(-(2**62)) == (-(2**61), -(2.0**61))
+    assert half.call(7) is None
+    assert half.call(np.int64(6)) == (3, 3.0)
+
+
+def test_what_does_not_fit_is_an_error():
+    with pytest.raises(SystemError) as raised:
+        half.call(2**64)
+    assert isinstance(raised.value.__cause__, OverflowError)
+
+
+def test_it_is_told_how_many_arguments_it_has():
+    assert [how_many.call(*range(number)) for number in (0, 1, 9)] == [0, 1, 9]
+
+
+def test_references_are_left_as_they_were():
+    array, number = np.arange(3), 10**15
+    before = getrefcount(array), getrefcount(number), getrefcount(None)
+    for _ in range(100):
+        plainness.call(array, 1)
+        half.call(number)
+        half.call(7)
+    after = getrefcount(array), getrefcount(number), getrefcount(None)
+    assert after[:2] == before[:2]
+    # Others use it, too.
+    assert abs(after[2] - before[2]) < 50
+
+
+def test_other_threads_run_while_the_lock_is_given_away():
+    told, turns = np.zeros(1, np.int64), np.zeros(1, np.int64)
+
+    def tell():
+        while turns[0] == 0:
+            pass
+        told[0] = 1
+
+    teller = Thread(target=tell)
+    teller.start()
+    assert 0 < turns_until_told.call(told, turns) < TURNS_MAX
+    teller.join()

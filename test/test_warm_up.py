@@ -1,5 +1,6 @@
 """Kernels are ready before the first real event; test/nodes shows it with messages in fresh processes."""
 
+import numba.core.ccallback
 import numba.core.dispatcher
 import pytest
 
@@ -11,7 +12,8 @@ from etd_ros.warm_up import warm_up
 def test_a_second_one_finds_nothing_to_compile_or_load(monkeypatch):
     warm_up()
     compiled = []
-    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "compile", lambda *arguments: compiled.append(arguments))
+    for kind in (numba.core.dispatcher.Dispatcher, numba.core.ccallback.CFunc):
+        monkeypatch.setattr(kind, "compile", lambda *arguments: compiled.append(arguments))
     warm_up()
     assert not compiled
 

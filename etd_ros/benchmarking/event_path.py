@@ -18,6 +18,9 @@ RATES = ((DAVIS, 10 * MEV), (HD, 50 * MEV))
 OTHER_RATES = ((DAVIS, MEV // 10), (DAVIS, 1 * MEV), (HD, 100 * MEV))
 """Events per second of the synthetic streams, by sensor size (pixels)."""
 
+SPARSE_RATES = ((DAVIS, MEV // 100),)
+"""The same where a message holds so few events that conversion is all calls."""
+
 KINDS = ("contours", "texture", "uniform", "noisy contours")
 ALL_PEERS_ON = ("contours", "slider_depth")
 """Kinds of streams on which every peer of the conversion is measured; on the others those that are to be beaten."""
@@ -69,7 +72,7 @@ def event_path(effort: Effort, data: Path | None) -> Iterator[Row]:
     recordings = list(_recordings(effort, data)) if data is not None else []
     for stream in chain(_streams(effort, KINDS), recordings):
         yield from frames.conversion(stream, effort.rounds, all_peers=stream.kind in ALL_PEERS_ON)
-    for stream in _streams(effort, ("contours",), OTHER_RATES):
+    for stream in _streams(effort, ("contours",), SPARSE_RATES + OTHER_RATES):
         yield from frames.conversion(stream, effort.rounds, all_peers=False)
     for stream in recordings:
         yield from frames.fine_conversion(stream, effort.rounds)

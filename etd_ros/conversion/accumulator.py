@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias
 
 import numpy as np
 
@@ -19,18 +18,14 @@ from etd_ros.conversion.kernels import (
     NO_END,
     NOT_FOLLOWING,
     NOT_PLAIN,
-    PLAIN_ADDRESSES,
     STATE_DTYPE,
+    Step,
     advance,
     advance_plain,
     finish,
 )
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
 from etd_ros.events import Events, check_pixel_map
-
-Step: TypeAlias = tuple[int, int, float, int]
-"""What came of adding events (`NO_END` and so on); the first event not added; the NZGE of a frame that has ended; the
-number of events of that frame, or of the unfinished one."""
 
 
 class FrameAccumulator:
@@ -98,13 +93,16 @@ class FrameAccumulator:
         state["min_duration_ns"], state["max_duration_ns"] = min_duration_ns, max_duration_ns
         state["alpha"], state["check_stride"] = alpha, check_stride
 
-    def advance(self, events: Events, first: int) -> Step:
+    def advance(self, events: Events, first: int) -> Step | None:
         """Add events until the frame ends as `end_frames` says, or the batch is over.
 
         Args:
             events: a batch.
             first: the first of its events to add, or NEW_BATCH, which accepts it as `accept` does, by the same call of
                 a kernel: many messages are so small that calls take longer than their events.
+
+        Returns:
+            What ends the frame, or None where the batch is over.
 
         Raises:
             ConversionError: as `accept` does.
@@ -113,15 +111,17 @@ class FrameAccumulator:
             raise not_of_sensor(events, self.width, self.height)
         if not self._has_begun:
             if len(events.t) == 0:
-                return NO_END, 0, 0.0, 0
+                return None
             self.start_ns = events.t.item(0)
         memory = (self._buffers.unfinished or self._buffers.next_one()).memory
         t, x, y, p = events.t, events.x, events.y, events.p
-        step = advance_plain.call(self.store, self.state, t, x, y, p, first, self.start_ns, memory, PLAIN_ADDRESSES)
-        if step[0] == NOT_PLAIN:
-            step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
-        if step[0] == NOT_FOLLOWING:
-            raise not_following(events, self._previous_ns)
+        step = advance_plain.call(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
+        if step is not None and step[0] < 0:
+            if step[0] == NOT_PLAIN:
+                step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
+            if step[0] == NOT_FOLLOWING:
+                raise not_following(events, self._previous_ns)
+            step = None if step[0] == NO_END else step
         self._has_begun = True
         return step
 
@@ -132,7 +132,7 @@ class FrameAccumulator:
             count_in(self.store, wanted, self._cell_size)
             self._counted_cells = wanted
 
-    def add(self, events: Events, first: int, stop: int, limit_ns: int) -> Step:
+    def add(self, events: Events, first: int, stop: int, limit_ns: int) -> Step | None:
         """Add events first .. stop - 1 with t <= limit_ns. For converters that do not call `end_frames`, whose longest
         duration it replaces."""
         part = events if stop == len(events) else events[:stop]
@@ -150,16 +150,15 @@ class FrameAccumulator:
         self.start_ns = stamp_ns
         return frame
 
-    def skip_to(self, event_ns: int, max_duration_ns: int, step: Step) -> Frame | None:
-        """End the frame at its longest duration because an event at event_ns, later than that, has come; `step` has met
-        it.
+    def skip_late(self, max_duration_ns: int, step: Step) -> Frame | None:
+        """End the frame at its longest duration because an event later than that has come, which `step` has met.
 
-        The next frame starts there, or at event_ns if it would be over before that event as well.
+        The next frame starts there, or at that event if it would be over before it as well.
 
         Returns:
             The frame, or None if it holds no events.
         """
-        end, _, nzge, events = step
+        end, _, event_ns, nzge, events = step
         limit_ns = self.start_ns + max_duration_ns
         frame = None
         if end == BY_TIME:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from etd_ros.boxes import Box
-from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator, Step
+from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
 from etd_ros.conversion.frame import Frame, FrameEnd
-from etd_ros.conversion.kernels import BY_NZGE, NEW_BATCH, NO_END
+from etd_ros.conversion.kernels import BY_NZGE, NEW_BATCH, Step
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError, Parameters, parameter
@@ -136,6 +136,7 @@ class AtsltdConverter(AccumulatingConverter):
         self._at_least_s, self._at_most_s = 0.0, math.inf
         self._next_durations_ns: tuple[int, int] | None = None
         self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
+        self._is_changing = self._regions is not None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
         self._take_on(*self._durations_ns())
 
@@ -143,12 +144,14 @@ class AtsltdConverter(AccumulatingConverter):
         """Have the frames from the next one on last at least so long (s), or as configured where that is longer."""
         self._at_least_s = duration_s
         self._next_durations_ns = self._durations_ns()
+        self._is_changing = True
 
     def last_at_most(self, duration_s: float) -> None:
         """Have the frames from the next one on last at most so long (s), or as configured where that is shorter. They
         last as long as `last_at_least` says nevertheless."""
         self._at_most_s = duration_s
         self._next_durations_ns = self._durations_ns()
+        self._is_changing = True
 
     def _durations_ns(self) -> tuple[int, int]:
         config = self.config
@@ -157,10 +160,10 @@ class AtsltdConverter(AccumulatingConverter):
 
     def convert(self, events: Events) -> Iterator[Frame]:
         """See `Converter.convert`; the events up to the first frame are added at once."""
-        if self._regions is not None or self._next_durations_ns is not None:
+        if self._is_changing:
             self._begin_frame()
         step = self._accumulator.advance(events, NEW_BATCH)
-        return self._frames(events, step) if step[0] != NO_END else _NO_FRAMES
+        return self._frames(events, step) if step is not None else _NO_FRAMES
 
     def _begin_frame(self) -> None:
         """Take on what has been asked for the next frame, if one begins."""
@@ -171,29 +174,29 @@ class AtsltdConverter(AccumulatingConverter):
             # Not before: the frame under way may hold events from after its new end.
             self._take_on(*self._next_durations_ns)
             self._next_durations_ns = None
+            self._is_changing = self._regions is not None
 
     def _take_on(self, min_duration_ns: int, max_duration_ns: int) -> None:
         self._max_duration_ns = max_duration_ns
         config = self.config
         self._accumulator.end_frames(min_duration_ns, max_duration_ns, config.nzge_interval[0], config.check_stride)
 
-    def _frames(self, events: Events, step: Step) -> Iterator[Frame]:
+    def _frames(self, events: Events, step: Step | None) -> Iterator[Frame]:
         """The frames of a batch, by steps from one to the next; the first step has been made."""
-        accumulator = self._accumulator
+        accumulator, count = self._accumulator, len(events.t)
         _, beta = self.config.nzge_interval
         frame: Frame | None
-        while True:
-            end, i, nzge, frame_events = step
-            if end == NO_END:
-                return
+        while step is not None:
+            end, i, event_ns, nzge, frame_events = step
             if end == BY_NZGE:
-                frame = accumulator.hand_out(events.t.item(i - 1), FrameEnd.NZGE, nzge, frame_events)
+                frame = accumulator.hand_out(event_ns, FrameEnd.NZGE, nzge, frame_events)
                 self.overshoots += nzge > beta
             else:
-                frame = accumulator.skip_to(events.t.item(i), self._max_duration_ns, step)
+                frame = accumulator.skip_late(self._max_duration_ns, step)
             if frame is not None:
                 yield frame
-            if i == len(events.t):
+            if i == count:
                 return
-            self._begin_frame()
+            if self._is_changing:
+                self._begin_frame()
             step = accumulator.advance(events, i)

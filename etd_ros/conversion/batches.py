@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
+from etd_ros.conversion.extremes import EVENTS_MIN, are_readable, extremes
 from etd_ros.conversion.frame import ConversionError
 from etd_ros.events import Events, EventsError
 
@@ -78,6 +79,19 @@ def follows(
         return False
     if len(t) == 0:
         return True
+    if len(t) >= EVENTS_MIN and are_readable(t, x, y, p):
+        column, row, polarity, goes_back = extremes(t, x, y, p)
+    else:
+        column, row, polarity, goes_back = _extremes_of_any(t, x, y, p)
+    fit = column < width and row < height and polarity <= 1
+    return bool(fit and not goes_back and earliest_ns <= t[0] and t[0] > BEFORE_ALL_NS and t[-1] < TIME_MAX_NS)
+
+
+@kernel_part
+def _extremes_of_any(
+    t: npt.NDArray[np.int64], x: npt.NDArray[np.uint16], y: npt.NDArray[np.uint16], p: npt.NDArray[np.uint8]
+) -> tuple[int, int, int, bool]:
+    """`extremes` of any arrays of integers of the right sizes, and of few events."""
     # One loop an array, by index, without early exit: the compiler vectorises these and nothing else. What is negative,
     # in arrays of signed integers, is far off the sensor as an unsigned one.
     x_max, y_max, p_max = np.uint16(0), np.uint16(0), np.uint8(0)
@@ -90,8 +104,7 @@ def follows(
     steps_back = 0
     for i in range(1, len(t)):
         steps_back += t[i] < t[i - 1]
-    fit = x_max < width and y_max < height and p_max <= 1
-    return bool(fit and steps_back == 0 and earliest_ns <= t[0] and t[0] > BEFORE_ALL_NS and t[-1] < TIME_MAX_NS)
+    return int(x_max), int(y_max), int(p_max), steps_back != 0
 
 
 def not_following(events: Events, previous_ns: int) -> ConversionError:

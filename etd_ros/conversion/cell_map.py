@@ -22,7 +22,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
+from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part, part_of
 from etd_ros.boxes import Box
 from etd_ros.conversion.nzge import GREY_LEVELS, FloatArray, check_grid, count_log_counts
 
@@ -95,6 +95,7 @@ def source_digest() -> str:
         "batches.py",
         "bits.py",
         "cell_map.py",
+        "extremes.py",
         "frame_buffers.py",
         "marks.py",
         "nzge.py",
@@ -170,27 +171,28 @@ def cells_in(store: CellStore) -> CellMap:
     cells, counts_max = sizes["cells"], sizes["cell_pixels"] + 1
     tiles = cells << sizes["tile_shift"]
     groups = -(-tiles // GROUP_TILES)
-    rest = store[HEADER_ITEMS:]
-    last, rest = rest[: TILE_SLOTS * tiles // 2].view(np.int32), rest[TILE_SLOTS * tiles // 2 :]
-    words, rest = rest[: GROUP_TILES * groups // 2].view(np.uint32), rest[GROUP_TILES * groups // 2 :]
-    slots, rest = rest[: BLOCK_EVENTS // 2].view(np.uint32), rest[BLOCK_EVENTS // 2 :]
-    seen, rest = rest[:GREY_LEVELS].view(np.uint32), rest[GREY_LEVELS:]
-    gains_high, rest = rest[: LANES // 2].view(np.uint32), rest[LANES // 2 :]
-    gains_low, rest = rest[: LANES // 2].view(np.uint32), rest[LANES // 2 :]
-    levels, rest = rest[: TILE_SLOTS // 8].view(np.uint8), rest[TILE_SLOTS // 8 :]
-    gains, rest = rest[:counts_max], rest[counts_max:]
-    loss, rest = rest[:counts_max].view(np.float64), rest[counts_max:]
-    shared_loss, rest = rest[:counts_max].view(np.float64), rest[counts_max:]
-    sample, rest = rest[:groups].view(np.uint64), rest[groups:]
-    whole, narrow = rest[:groups].view(np.uint64), rest[groups:].view(np.uint32)
-    row_slot, narrow = narrow[: sizes["height"]], narrow[sizes["height"] :]
-    column_slot, narrow = narrow[: sizes["width"]], narrow[sizes["width"] :]
-    tile_byte, narrow = narrow[:tiles], narrow[tiles:]
-    slot_byte, narrow = narrow[:TILE_SLOTS], narrow[TILE_SLOTS:]
-    is_counted, narrow = narrow[:cells], narrow[cells:]
-    counts = narrow[: 2 * cells]
+    at = HEADER_ITEMS
+    last, at = part_of(store, at, TILE_SLOTS * tiles, np.int32), at + TILE_SLOTS * tiles // 2
+    words, at = part_of(store, at, tiles, np.uint32), at + GROUP_TILES * groups // 2
+    slots, at = part_of(store, at, BLOCK_EVENTS, np.uint32), at + BLOCK_EVENTS // 2
+    seen, at = part_of(store, at, 2 * GREY_LEVELS, np.uint32), at + GREY_LEVELS
+    gains_high, at = part_of(store, at, LANES, np.uint32), at + LANES // 2
+    gains_low, at = part_of(store, at, LANES, np.uint32), at + LANES // 2
+    levels, at = part_of(store, at, TILE_SLOTS, np.uint8), at + TILE_SLOTS // 8
+    gains, at = part_of(store, at, counts_max, np.int64), at + counts_max
+    loss, at = part_of(store, at, counts_max, np.float64), at + counts_max
+    shared_loss, at = part_of(store, at, counts_max, np.float64), at + counts_max
+    sample, at = part_of(store, at, groups, np.uint64), at + groups
+    whole, at = part_of(store, at, groups, np.uint64), at + groups
+    narrow = part_of(store, at, 2 * (len(store) - at), np.uint32)
+    row_slot, at = part_of(narrow, 0, sizes["height"], np.uint32), sizes["height"]
+    column_slot, at = part_of(narrow, at, sizes["width"], np.uint32), at + sizes["width"]
+    tile_byte, at = part_of(narrow, at, tiles, np.uint32), at + tiles
+    slot_byte, at = part_of(narrow, at, TILE_SLOTS, np.uint32), at + TILE_SLOTS
+    is_counted, at = part_of(narrow, at, cells, np.uint32), at + cells
+    counts = part_of(narrow, at, 2 * cells, np.uint32)
     return CellMap(
-        row_slot, column_slot, last, words[:tiles], tile_byte, slot_byte, sizes["tile_shift"], is_counted,
+        row_slot, column_slot, last, words, tile_byte, slot_byte, sizes["tile_shift"], is_counted,
         sizes["is_plain"] != 0, counts, sample, sizes["sample_scale"], whole, gains, gains_high, gains_low,
         sizes["entropy_one"], sizes["entropy_full"], loss, shared_loss, sizes["columns"], slots, seen, levels,
     )  # fmt: skip

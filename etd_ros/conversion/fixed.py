@@ -49,15 +49,16 @@ class FixedWindowConverter(AccumulatingConverter):
         i = 0
         while True:
             end_ns = accumulator.start_ns + self._window_ns
-            _, i, *_ = accumulator.add(events, i, len(events), end_ns)
-            if i == len(events):
+            step = accumulator.add(events, i, len(events), end_ns)
+            if step is None:
                 return
+            _, i, event_ns, *_ = step
             if accumulator.events:
                 frame = accumulator.finish(end_ns, FrameEnd.WINDOW)
-                self._begin_window_of(int(events.t[i]))
+                self._begin_window_of(event_ns)
                 yield frame
             else:
-                self._begin_window_of(int(events.t[i]))
+                self._begin_window_of(event_ns)
 
     def _begin_window_of(self, event_ns: int) -> None:
         start_ns = self._accumulator.start_ns
@@ -103,9 +104,9 @@ class FixedCountConverter(AccumulatingConverter):
         while i < len(events):
             stop = min(len(events), i + self.config.count - accumulator.events)
             step = accumulator.add(events, i, stop, accumulator.start_ns + self._max_duration_ns)
-            _, i, *_ = step
-            if i < stop:
-                frame = accumulator.skip_to(int(events.t[i]), self._max_duration_ns, step)
+            i = stop if step is None else step[1]
+            if step is not None:
+                frame = accumulator.skip_late(self._max_duration_ns, step)
             elif accumulator.events == self.config.count:
                 frame = accumulator.finish(int(events.t[i - 1]), FrameEnd.COUNT)
             else:

@@ -39,7 +39,7 @@ def written_from(level_bytes: int) -> int:
 class _Buffer:
     """An array, and the frame's data that lie in it."""
 
-    __slots__ = ("_references_when_free", "data", "memory")
+    __slots__ = ("_data_references", "_memory_references", "data", "memory")
 
     def __init__(self, shape: tuple[int, int, int], groups: int, content: FrameData | None = None) -> None:
         level_bytes = math.prod(shape)
@@ -49,7 +49,7 @@ class _Buffer:
         self.data = self.memory[:level_bytes].reshape(shape)
         self.data.flags.writeable = False
         # Measured, because interpreters differ in what they count.
-        self._references_when_free = getrefcount(self.data), getrefcount(self.memory)
+        self._data_references, self._memory_references = getrefcount(self.data), getrefcount(self.memory)
 
     def __reduce__(self) -> tuple[type[_Buffer], tuple[tuple[int, ...], int, FrameData]]:
         """For copies of a converter: as copied each for itself, the data would no longer lie in the memory."""
@@ -59,7 +59,8 @@ class _Buffer:
     @property
     def is_free(self) -> bool:
         """Whether nobody holds the data, nor a part of them, which refers to the memory."""
-        return (getrefcount(self.data), getrefcount(self.memory)) == self._references_when_free
+        is_whole_free = getrefcount(self.data) == self._data_references
+        return is_whole_free and getrefcount(self.memory) == self._memory_references
 
 
 class FrameBuffers:

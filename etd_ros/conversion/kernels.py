@@ -6,9 +6,12 @@ of.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
 import numpy as np
 import numpy.typing as npt
-from numba import from_dtype, types
+from numba import from_dtype
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
 from etd_ros.conversion.adding import add_events
@@ -16,14 +19,18 @@ from etd_ros.conversion.batches import BEFORE_ALL_NS, follows
 from etd_ros.conversion.cell_map import DURATION_MAX_NS, CellMap, CellStore, borrowed_cells, source_digest
 from etd_ros.conversion.readout import read_levels
 from etd_ros.direct_kernel import (
-    Addresses,
     DirectKernel,
+    PythonObject,
     addresses_of,
+    give_away_lock,
+    integer_of,
     is_plain,
-    python_object,
     take_int64,
+    take_lock_back,
     take_uint8,
     take_uint16,
+    taken_as,
+    to_python,
 )
 
 CHECKS_AT_STRIDE = 8
@@ -48,6 +55,11 @@ FULL_EVENTS = 12
 """A frame of more events than so many to each cell with events is full: its cells hold few levels. No trigger lets it
 come to that where things move: only what ends by its time or count does."""
 
+LOCKED_EVENTS_MAX, LOCKED_ITEMS_MAX = 1000, 2**18
+"""The interpreter's lock is kept for batches of so many events on sensors whose maps have so many items (a quarter of a
+million pixels): to give it away and take it back, which may have to wait, costs more than to let others wait for as
+long as these take."""
+
 NO_CHECKS = 2**62
 """A `check_stride` that no frame reaches."""
 
@@ -58,6 +70,11 @@ NO_END, BY_NZGE, BY_TIME, LATE, NOT_FOLLOWING, NOT_PLAIN = 0, 1, 2, 3, -1, -2
 """What came of adding a batch's events. They have all been added, and no frame has ended; one has, by its NZGE, or by
 its longest duration; an event is later than that, and `finish` is to end the frame, or no event is in it yet; no event
 can be added; nothing is known of these arrays by `advance_plain`."""
+
+Step: TypeAlias = tuple[int, int, int, float, int]
+"""What came of adding events (`NO_END` and so on); the first event not added; the time of the one that has ended the
+frame (ns): the last one added, or else the first one that came too late; the NZGE of a frame that has ended; the number
+of events of that frame, or of the unfinished one."""
 
 MARGIN = 1e-9
 """Above the rounding errors of the bound."""
@@ -114,11 +131,10 @@ def _first_after(t: npt.NDArray[np.int64], first: int, limit_ns: int) -> int:
     return low
 
 
-@borrowing_kernel
+@kernel_part
 def _finish(
     store: CellStore, state: npt.NDArray[np.void], duration_ns: int, data: npt.NDArray[np.uint8]
 ) -> tuple[float, int]:
-    """End the frame: write it into data, flat, and begin the next one; its exact NZGE and its number of events."""
     cells = borrowed_cells(store)
     nzge = _read_out(cells, state, duration_ns, _is_full(cells, state), data)
     events = state[0].events
@@ -186,38 +202,16 @@ def advance(
     first: int,
     start_ns: int,
     data: npt.NDArray[np.uint8],
-) -> tuple[int, int, float, int]:
+) -> Step:
     """Add events to the frame that started at start_ns until the state says that it ends, or the batch is over.
 
     A `NEW_BATCH` is verified before, all of it, as one that follows the stream's last event: many batches are so small
     that a call of its own for it would cost as much as their events.
 
     Returns:
-        What came of it (`NO_END` and so on); the index of the first event not added; the exact NZGE of a frame that has
-        ended, which is in data then, and the next one has begun; the number of events of that frame, or of the
-        unfinished one.
+        See `Step`. A frame that has ended is in data, and the next one has begun.
     """
     return _advance(store, state, t, x, y, p, first, start_ns, data)
-
-
-@borrowing_kernel
-def _advance_if_plain(
-    store: CellStore,
-    state: npt.NDArray[np.void],
-    t: npt.NDArray[np.int64],
-    x: npt.NDArray[np.uint16],
-    y: npt.NDArray[np.uint16],
-    p: npt.NDArray[np.uint8],
-    first: int,
-    start_ns: int,
-    data: npt.NDArray[np.uint8],
-    addresses: Addresses,
-) -> tuple[int, int, float, int]:
-    are_plain = is_plain(t, addresses, 1) and is_plain(p, addresses, 3)
-    if not (are_plain and is_plain(x, addresses, 2) and is_plain(y, addresses, 2)):
-        return NOT_PLAIN, 0, 0.0, 0
-    columns, rows = take_uint16(x), take_uint16(y)
-    return _advance(store, state, take_int64(t), columns, rows, take_uint8(p), first, start_ns, data)
 
 
 @kernel_part
@@ -231,13 +225,13 @@ def _advance(
     first: int,
     start_ns: int,
     data: npt.NDArray[np.uint8],
-) -> tuple[int, int, float, int]:
+) -> Step:
     cells = borrowed_cells(store)
     if first == NEW_BATCH:
         if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), state[0].previous_ns):
-            return NOT_FOLLOWING, 0, 0.0, 0
+            return NOT_FOLLOWING, 0, 0, 0.0, 0
         if len(t) == 0:
-            return NO_END, 0, 0.0, state[0].events
+            return NO_END, 0, 0, 0.0, state[0].events
         state[0].previous_ns = t[-1]
         first = 0
     alpha, check_stride = state[0].alpha, state[0].check_stride
@@ -254,10 +248,10 @@ def _advance(
         # Short of the next check the batch is over, or an event has come after the longest duration.
         is_late = events < state[0].next
         if is_late and i == len(t):
-            return NO_END, i, 0.0, events
+            return NO_END, i, 0, 0.0, events
         # Full frames are for `finish`; and so are all where no checks are: those end as their converter says.
         if is_late and (events == 0 or check_stride == NO_CHECKS or _is_full(cells, state)):
-            return LATE, i, 0.0, events
+            return LATE, i, t[i], 0.0, events
         strides = 1
         duration_ns = state[0].max_duration_ns if is_late else t[i - 1] - start_ns
         if is_late:
@@ -271,7 +265,7 @@ def _advance(
             nzge = _read_out(cells, state, duration_ns, False, data)
             if is_late or nzge >= alpha:
                 _clear(cells, state)
-                return BY_TIME if is_late else BY_NZGE, i, nzge, events
+                return (BY_TIME, i, t[i], nzge, events) if is_late else (BY_NZGE, i, t[i - 1], nzge, events)
             strides = _fail(state, check_stride)
         state[0].next += strides * check_stride
 
@@ -320,17 +314,45 @@ def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     return max(1, min(doubled, int(state[0].events) // (GROWTH_MAX * check_stride)))
 
 
-# What Python calls. Numba's types of the arguments are named, as nothing looks at them.
-_INT64, _UINT8 = (types.Array(dtype, 1, "C") for dtype in (types.int64, types.uint8))
-_STATE = types.Array(from_dtype(STATE_DTYPE), 1, "C")
+_take_state = taken_as(from_dtype(STATE_DTYPE))
 
-PLAIN_ADDRESSES = addresses_of(np.int64, np.uint16, np.uint8)
-"""`advance_plain`'s last argument."""
 
-advance_plain = DirectKernel(
-    _advance_if_plain, (_INT64, _STATE, *[python_object] * 4, types.int64, types.int64, _UINT8, _INT64)
+def _advance_plain(known: PythonObject, arguments: Sequence[PythonObject], _number: int) -> PythonObject:
+    addresses = take_int64(known)
+    store, state, data = take_int64(arguments[0]), _take_state(arguments[1]), take_uint8(arguments[8])
+    t, x, y, p = arguments[2], arguments[3], arguments[4], arguments[5]
+    are_plain = is_plain(t, addresses, 1) and is_plain(p, addresses, 3)
+    if not (are_plain and is_plain(x, addresses, 2) and is_plain(y, addresses, 2)):
+        return to_python((NOT_PLAIN, 0, 0, 0.0, 0))
+    first, start_ns = integer_of(arguments[6]), integer_of(arguments[7])
+    times, columns, rows, polarities = take_int64(t), take_uint16(x), take_uint16(y), take_uint8(p)
+    thread = give_away_lock(len(times) > LOCKED_EVENTS_MAX or len(store) > LOCKED_ITEMS_MAX)
+    step = _advance(store, state, times, columns, rows, polarities, first, start_ns, data)
+    take_lock_back(thread)
+    # Of most messages this is all there is to say: no object has to be made for it.
+    return to_python(None) if step[0] == NO_END else to_python(step)
+
+
+def _finish_direct(_known: PythonObject, arguments: Sequence[PythonObject], _number: int) -> PythonObject:
+    store, state, data = take_int64(arguments[0]), _take_state(arguments[1]), take_uint8(arguments[3])
+    duration_ns = integer_of(arguments[2])
+    thread = give_away_lock(len(store) > LOCKED_ITEMS_MAX)
+    ended = _finish(store, state, duration_ns, data)
+    take_lock_back(thread)
+    return to_python(ended)
+
+
+Advance: TypeAlias = (
+    "Callable[[CellStore, npt.NDArray[np.void], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any],"
+    " int, int, npt.NDArray[np.uint8]], Step | None]"
 )
-"""`advance` for arrays as decoders make them, in less time; NOT_PLAIN for others."""
+Finish: TypeAlias = "Callable[[CellStore, npt.NDArray[np.void], int, npt.NDArray[np.uint8]], tuple[float, int]]"
 
-finish = DirectKernel(_finish, (_INT64, _STATE, types.int64, _UINT8))
-"""`_finish`, called without a look at its arguments' types."""
+_ADDRESSES = addresses_of(np.int64, np.uint16, np.uint8)
+
+advance_plain: DirectKernel[Advance] = DirectKernel(_advance_plain, _ADDRESSES, source_digest())
+"""`advance` for arrays as decoders make them, in less time: None where the batch is over, NOT_PLAIN for others."""
+
+finish: DirectKernel[Finish] = DirectKernel(_finish_direct, None, source_digest())
+"""finish(store, state, duration_ns, data): end the frame: write it into data, flat, and begin the next one; its exact
+NZGE and its number of events."""

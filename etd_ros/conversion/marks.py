@@ -23,7 +23,7 @@ from etd_ros.conversion.vectors import (
     WORD,
     all_lanes,
     count_bits_of_lanes,
-    fetch_to_write,
+    fetch,
     item_at,
     items,
     sum_of_lanes,
@@ -58,13 +58,18 @@ class _Array:
 
 
 def _mark(builder: Any, slot: Any, words: _Array, last: _Array) -> Any:
-    """Set an event's bit, and return the word that was there before; have the place of its time fetched."""
-    fetch_to_write(builder, last.item(builder, builder.zext(slot, LONG)))
+    """Set an event's bit, and return the word that was there before; have the place of its time fetched.
+
+    The word is read twice, as one that others may have changed meanwhile, which none do: a vector takes a lane from
+    memory in one instruction, and from another register in two, of a unit that all lanes wait for.
+    """
+    fetch(builder, last.item(builder, builder.zext(slot, LONG)), to_write=True)
     tile = builder.lshr(slot, ir.Constant(WORD, (TILE_SLOTS - 1).bit_length()))
     word = words.item(builder, builder.zext(tile, LONG))
     before = builder.load(word)
     bit = builder.shl(ir.Constant(WORD, 1), builder.and_(slot, ir.Constant(WORD, TILE_SLOTS - 1)))
-    builder.store(builder.or_(before, bit), word)
+    again = builder.load_atomic(word, "monotonic", 4)
+    builder.store(builder.or_(again, bit), word)
     return before
 
 

@@ -9,7 +9,7 @@ from etd_ros.borrowing_kernel import kernel_part
 from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
 from etd_ros.conversion.frame_buffers import written_from
-from etd_ros.conversion.tiles import clear_row, slots_of_level, tile_levels, tiles_with_events, write_tile
+from etd_ros.conversion.tiles import clear_row, fetch_tile, slots_of_level, tile_levels, tiles_with_events, write_tile
 from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
 
 FEW_TWINS = 2
@@ -17,6 +17,9 @@ FEW_TWINS = 2
 
 HALF_UP = 0.5 + 1e-10
 """Rounds halves up: above the rounding errors (1e-13) and below the distance of other levels from a half (1 / 4e9)."""
+
+TILES_AHEAD = 48
+"""How far ahead a full frame's times are fetched: they are in no near memory, and all of them are needed."""
 
 ON, OFF = 1, 2
 
@@ -64,6 +67,7 @@ def read_levels(
                 else:
                     _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
             if is_full:
+                fetch_tile(cells.last, (tile + _U64(TILES_AHEAD)) << _U64(5))
                 loss, without = _lost_by_levels(cells, tile)
                 lost += loss
                 without_entropy += without
@@ -155,15 +159,35 @@ def _lost_by_levels(cells: CellMap, cell: np.uint64) -> tuple[float, int]:
     """The same of a cell of one tile, level by level instead of pixel by pixel."""
     if not cells.is_counted[cell]:
         return 0.0, 0
-    cell_pixels = len(cells.shared_loss) - 1
-    rest, lost, full = cells.words[cell], 0.0, 0
+    rest, lost = cells.words[cell], 0.0
     while rest:
         same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(rest))])
         rest = _U32(rest & _U32(~same))
-        on, off = _U64(count_bits(_U32(same & _ON_SLOTS))), _U64(count_bits(_U32(same >> _U32(CHANNEL_SLOTS))))
+        on, off = _on_and_off(same)
         lost += cells.shared_loss[on] + cells.shared_loss[off]
-        full |= ON * int(on == cell_pixels) | OFF * int(off == cell_pixels)
-    return lost, _is_without_entropy(cells, cell, full)
+    return lost, _is_without_entropy(cells, cell, _full_of_one_level(cells, cell))
+
+
+@kernel_part
+def _full_of_one_level(cells: CellMap, cell: np.uint64) -> int:
+    """Which channels of a cell of one tile have an event in each pixel, and one level. Hardly any has the first."""
+    cell_pixels = _U64(len(cells.shared_loss) - 1)
+    word, full = cells.words[cell], 0
+    on, off = _on_and_off(word)
+    if on == cell_pixels:
+        same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(word))])
+        full |= ON * int(_on_and_off(same)[0] == cell_pixels)
+    if off == cell_pixels:
+        off_word = _U32(word & _U32(~_ON_SLOTS))
+        same = slots_of_level(cells.levels, cells.levels[_U64(lowest_bit(off_word))])
+        full |= OFF * int(_on_and_off(same)[1] == cell_pixels)
+    return full
+
+
+@kernel_part
+def _on_and_off(word: np.uint32) -> tuple[np.uint64, np.uint64]:
+    """How many of its On and of its Off bits are set."""
+    return _U64(count_bits(_U32(word & _ON_SLOTS))), _U64(count_bits(_U32(word >> _U32(CHANNEL_SLOTS))))
 
 
 @kernel_part

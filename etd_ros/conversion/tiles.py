@@ -14,12 +14,27 @@ from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, TILE_SIDE, TILE_SLOTS
 from etd_ros.conversion.twins import count_twins
-from etd_ros.conversion.vectors import BIT, BYTE, DOUBLE, FLOAT, LONG, WORD, all_lanes, items, vector_at
+from etd_ros.conversion.vectors import (
+    BIT,
+    BYTE,
+    DOUBLE,
+    FLOAT,
+    LONG,
+    WORD,
+    all_lanes,
+    as_it_is,
+    fetch,
+    has_features,
+    items,
+    spread_bits,
+    vector_at,
+)
 
 TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.uint64]"
 TileLevels: TypeAlias = (
     "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8], bool], np.uint32]"
 )
+FetchTile: TypeAlias = "Callable[[npt.NDArray[np.int32], np.uint64], None]"
 SlotsOfLevel: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint8], np.uint32]"
 ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
 WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
@@ -35,6 +50,12 @@ _BITS, _BYTES, _WORDS, _FLOATS, _DOUBLES = (
     ir.VectorType(kind, TILE_SLOTS) for kind in (BIT, BYTE, WORD, FLOAT, DOUBLE)
 )
 _GROUP = ir.VectorType(WORD, GROUP_TILES)
+_CHANNEL, _HALVES = ir.VectorType(WORD, CHANNEL_SLOTS), ir.VectorType(ir.IntType(16), TILE_SLOTS)
+
+_ON_SLOTS, _OFF_SLOTS = list(range(CHANNEL_SLOTS)), list(range(CHANNEL_SLOTS, TILE_SLOTS))
+_UNWOVEN = [2 * place + channel for channel in (0, 1) for place in range(CHANNEL_SLOTS)]
+_HALF = all_lanes(_CHANNEL, 16)
+_ABOVE_ERROR = all_lanes(_HALVES, 2 * -FIXED_ERROR & FIXED_ONE - 1)
 
 
 def _mask(slots: list[int]) -> ir.Constant:
@@ -47,18 +68,24 @@ def _in_each_slot(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, undefined, _mask([0] * TILE_SLOTS))
 
 
-def _levels(builder: Any, times: Any, word: Any, slope: Any, offset: Any) -> Any:
+def _levels(context: Any, builder: Any, times: Any, word: Any, slope: Any, offset: Any) -> Any:
     """In 32 bits, 16 of them behind the point, if no slot is so near to where a level begins that the error of that
     matters: hardly any is. Else in 64. Times without an event are old ones, whose levels may be anything: the last
     selection drops those."""
     have_events = builder.bitcast(word, _BITS)
-    fixed = _rounded(builder, times, _FLOATS, *(_in_fixed_point(builder, value) for value in (slope, offset)))
-    fixed = builder.add(fixed, all_lanes(_WORDS, FIXED_ERROR))
-    fraction = builder.and_(fixed, all_lanes(_WORDS, 2 * -FIXED_ERROR & FIXED_ONE - 1))
-    near_next = builder.icmp_unsigned("==", fraction, all_lanes(_WORDS, 0))
-    # What is made of old times may be anything at all, so that "and" would not do.
-    unsure = builder.bitcast(builder.select(have_events, near_next, all_lanes(_BITS, 0)), WORD)
-    levels = alloca_once_value(builder, _whole_parts(builder, fixed))  # type: ignore[no-untyped-call]
+    raised = builder.fadd(_in_fixed_point(builder, offset), ir.Constant(FLOAT, FIXED_ERROR))
+    fixed = _rounded(builder, times, _FLOATS, _in_fixed_point(builder, slope), raised)
+    on, off = (builder.shuffle_vector(fixed, fixed, _mask(slots)) for slots in (_ON_SLOTS, _OFF_SLOTS))
+    # By turns a half of On, below, and one of Off.
+    whole_on, fraction_off = builder.lshr(on, _HALF), builder.shl(off, _HALF)
+    whole_on, fraction_off = (as_it_is(context, builder, halves) for halves in (whole_on, fraction_off))
+    whole_parts = builder.or_(whole_on, builder.and_(off, all_lanes(_CHANNEL, -FIXED_ONE)))
+    fractions = builder.or_(builder.and_(on, all_lanes(_CHANNEL, FIXED_ONE - 1)), fraction_off)
+    whole_parts, fractions = (as_it_is(context, builder, halves) for halves in (whole_parts, fractions))
+    fractions = builder.bitcast(fractions, _HALVES)
+    levels = alloca_once_value(builder, _low_bytes(builder, whole_parts))  # type: ignore[no-untyped-call]
+    near_next = builder.icmp_unsigned("==", builder.and_(fractions, _ABOVE_ERROR), all_lanes(_HALVES, 0))
+    unsure = builder.and_(builder.bitcast(near_next, WORD), _woven_bits(context, builder, word))
     with builder.if_then(builder.icmp_unsigned("!=", unsure, ir.Constant(WORD, 0)), likely=False):
         builder.store(builder.trunc(_rounded(builder, times, _DOUBLES, slope, offset), _BYTES), levels)
     found, one = builder.load(levels), all_lanes(_BYTES, 1)
@@ -77,10 +104,20 @@ def _in_fixed_point(builder: Any, value: Any) -> Any:
     return builder.fptrunc(builder.fmul(value, ir.Constant(DOUBLE, FIXED_ONE)), FLOAT)
 
 
-def _whole_parts(builder: Any, fixed: Any) -> Any:
-    """The third byte of each word, as a processor may have an instruction for picking bytes."""
-    parts = builder.bitcast(fixed, ir.VectorType(BYTE, 4 * TILE_SLOTS))
-    return builder.shuffle_vector(parts, parts, _mask(list(range(2, 4 * TILE_SLOTS, 4))))
+def _woven_bits(context: Any, builder: Any, word: Any) -> Any:
+    """A word's bits of On and Off by turns."""
+    if has_features(context, "avx512vbmi", "bmi2"):
+        off = builder.lshr(word, ir.Constant(WORD, CHANNEL_SLOTS))
+        return builder.or_(spread_bits(builder, word, 0x55555555), spread_bits(builder, off, 0xAAAAAAAA))
+    bits = builder.bitcast(word, _BITS)
+    woven = [channel + place for place in range(CHANNEL_SLOTS) for channel in (0, CHANNEL_SLOTS)]
+    return builder.bitcast(builder.shuffle_vector(bits, bits, _mask(woven)), WORD)
+
+
+def _low_bytes(builder: Any, woven: Any) -> Any:
+    """The lower byte of each half, On before Off: one instruction on AVX-512 with VBMI, as both lie in one vector."""
+    parts = builder.bitcast(woven, ir.VectorType(BYTE, 2 * TILE_SLOTS))
+    return builder.shuffle_vector(parts, parts, _mask([2 * half for half in _UNWOVEN]))
 
 
 def _tiles_with_events(_typing: Any, words: Any, first: Any) -> Any:
@@ -100,7 +137,7 @@ def _tile_levels(
         _, slot_, word_, slope_, offset_, _, with_twins_ = arguments
         last_, levels_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 5))
         times = builder.load(vector_at(builder, last_, slot_, _WORDS), align=4)
-        found = _levels(builder, times, word_, slope_, offset_)
+        found = _levels(context, builder, times, word_, slope_, offset_)
         builder.store(found, vector_at(builder, levels_, _ZERO, _BYTES), align=1)
         twins = alloca_once_value(builder, ir.Constant(WORD, 0))  # type: ignore[no-untyped-call]
         with builder.if_then(with_twins_, likely=True):
@@ -110,6 +147,18 @@ def _tile_levels(
     del slot, word, slope, offset, with_twins
     arguments = (last, types.uint64, types.uint32, types.float64, types.float64, levels, types.boolean)
     return types.uint32(*arguments), generate
+
+
+def _fetch_tile(_typing: Any, last: Any, slot: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        first = items(context, builder, signature.args[0], arguments[0])
+        for line in range(0, TILE_SLOTS, CHANNEL_SLOTS):
+            time = builder.gep(first, [builder.add(arguments[1], ir.Constant(LONG, line))])
+            fetch(builder, time, to_write=False)
+        return context.get_dummy_value()
+
+    del slot
+    return types.void(last, types.uint64), generate
 
 
 def _slots_of_level(_typing: Any, levels: Any, level: Any) -> Any:
@@ -129,9 +178,11 @@ def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any)
         levels_, data_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 1))
         found = builder.load(vector_at(builder, levels_, _ZERO, _BYTES), align=1)
         woven = [channel + place for place in range(CHANNEL_SLOTS) for channel in (0, CHANNEL_SLOTS)]
-        rows = builder.bitcast(builder.shuffle_vector(found, found, _mask(woven)), ir.VectorType(LONG, TILE_SIDE))
+        rows = builder.bitcast(builder.shuffle_vector(found, found, _mask(woven)), ir.VectorType(DOUBLE, TILE_SIDE))
+        rows = as_it_is(context, builder, rows)
         for row in range(TILE_SIDE):
-            to = vector_at(builder, data_, byte_, LONG)
+            # Numbers with a point only in name: the processor stores the upper half of a vector of those as it lies.
+            to = vector_at(builder, data_, byte_, DOUBLE)
             builder.store(builder.extract_element(rows, ir.Constant(WORD, row)), to, align=1)
             byte_ = builder.add(byte_, row_bytes_)
         return context.get_dummy_value()
@@ -160,6 +211,9 @@ level, 0 where that is not asked for.
 The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 where the word has no bit, are put into
 `levels`.
 """
+
+fetch_tile = cast("FetchTile", intrinsic(_fetch_tile))
+"""fetch_tile(last, slot): have the times of the 32 slots from `slot` on, which may be beyond the last, brought near."""
 
 slots_of_level = cast("SlotsOfLevel", intrinsic(_slots_of_level))
 """slots_of_level(levels, level): a bit for each of a tile's 32 slots that has this level, lowest first."""

@@ -17,7 +17,7 @@ from numba.core.cgutils import alloca_once_value, get_or_insert_function, global
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, TILE_SLOTS
-from etd_ros.conversion.vectors import BIT, BYTE, LONG, WORD, all_lanes, items, vector_at
+from etd_ros.conversion.vectors import BIT, BYTE, LONG, WORD, all_lanes, as_it_is, has_features, items, vector_at
 
 PairsOfFew: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint32], np.uint64]"
 
@@ -47,7 +47,7 @@ def count_twins(context: Any, builder: Any, levels: Any, word: Any) -> Any:
     twins = alloca_once_value(builder, ir.Constant(WORD, 0))  # type: ignore[no-untyped-call]
     with builder.if_else(is_few, likely=True) as (few, many):
         with few:
-            pairs = _pairs_of_few(builder, levels, word)
+            pairs = _pairs_of_few(context, builder, levels, word)
             builder.store(builder.trunc(builder.ctpop(pairs), WORD), twins)
         with many:
             builder.store(_twins_of_all(builder, levels), twins)
@@ -56,8 +56,7 @@ def count_twins(context: Any, builder: Any, levels: Any, word: Any) -> Any:
 
 def _can_move_together(context: Any) -> bool:
     """Whether the processor has an instruction for it: else it takes longer than to compare all slots."""
-    _, _, features = context.codegen().magic_tuple()
-    return "+avx512vbmi2" in features.split(",")
+    return has_features(context, "avx512vbmi", "avx512vbmi2")
 
 
 def _twins_of_all(builder: Any, levels: Any) -> Any:
@@ -81,14 +80,16 @@ def _twins_of_all(builder: Any, levels: Any) -> Any:
     return builder.trunc(twins, WORD)
 
 
-def _pairs_of_few(builder: Any, levels: Any, word: Any) -> Any:
+def _pairs_of_few(context: Any, builder: Any, levels: Any, word: Any) -> Any:
     kind = ir.FunctionType(_BYTES, [_BYTES, _BITS, _BYTES])
     compress = get_or_insert_function(builder.module, kind, f"llvm.experimental.vector.compress.v{TILE_SLOTS}i8")  # type: ignore[no-untyped-call]
     together = builder.call(compress, [levels, builder.bitcast(word, _BITS), all_lanes(_BYTES, 0)])
-    earlier, later = (
-        builder.shuffle_vector(together, together, _numbers([pair[which] for pair in _PAIRS + _SPARE_LANES]))
-        for which in (0, 1)
-    )
+    wide = builder.shuffle_vector(together, ir.Constant(_BYTES, ir.Undefined), _numbers(list(range(2 * TILE_SLOTS))))
+    kind = ir.FunctionType(_TWO_TILES, [_TWO_TILES, _TWO_TILES])
+    pick = get_or_insert_function(builder.module, kind, "llvm.x86.avx512.permvar.qi.512")  # type: ignore[no-untyped-call]
+    places = (ir.Constant(_TWO_TILES, [pair[which] for pair in _PAIRS + _SPARE_LANES]) for which in (0, 1))
+    # Of places that it knows the compiler makes more instructions than one.
+    earlier, later = (builder.call(pick, [wide, as_it_is(context, builder, place)]) for place in places)
     same = builder.bitcast(builder.icmp_unsigned("==", earlier, later), LONG)
     on_events, events = (builder.ctpop(bits) for bits in (builder.and_(word, ir.Constant(WORD, 0xFFFF)), word))
     number = builder.add(builder.mul(on_events, ir.Constant(WORD, FEW_EVENTS + 1)), events)
@@ -118,7 +119,7 @@ def _pairs(_typing: Any, levels: Any, word: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         first = items(context, builder, signature.args[0], arguments[0])
         found = builder.load(vector_at(builder, first, _ZERO, _BYTES), align=1)
-        return _pairs_of_few(builder, found, arguments[1])
+        return _pairs_of_few(context, builder, found, arguments[1])
 
     del word
     return types.uint64(levels, types.uint32), generate
