@@ -36,10 +36,13 @@ SETTLED_PX = 0.75
 chance, as along an edge, lies elsewhere each time."""
 APART_PX = 2.5
 """By so much more or otherwise it has to move in the time of a look than the target does."""
-OWN_MIN = 12
-"""Of fewer events that are left as the target's nothing can be told: all are kept then."""
+APART_LOOKS = 3
+"""In so many looks in a row: where a camera turns back both velocities lag, each by its own time."""
+OWN_MIN, OWN_SHARE_MIN = 12, 0.25
+"""Where fewer events, or a smaller share, would be left as the target's, all are kept: the target moves otherwise
+than was believed, perhaps as what is round it."""
 AGAIN_S, SELDOM_S = 0.01, 0.08
-"""How soon its velocity is told again where it is apart from the target's or in doubt, and where not."""
+"""How old its velocity may be where it is in doubt, or apart from the target's as that is now, and where not."""
 
 
 class Backdrop:
@@ -71,7 +74,8 @@ class Backdrop:
         self._halves = np.zeros((2, rows, columns), np.float32)
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
-        self._next_ns = NEVER_NS
+        self._seen_ns = NEVER_NS
+        self._apart_looks = 0
 
     @property
     def span_s(self) -> float:
@@ -96,14 +100,15 @@ class Backdrop:
             velocity: of the target (pixels/s).
             span_s: the time of a look at it (s).
         """
-        # A stream that starts again is before what it was waited for.
-        if 0 < self._next_ns - surface.stamp_ns <= SELDOM_S * 1e9:
+        is_in_doubt = self.is_known and not self.is_settled
+        wait_s = AGAIN_S if is_in_doubt or self._differs(velocity, span_s) else SELDOM_S
+        # A stream that starts again is before the time at which it was seen.
+        if 0 <= surface.stamp_ns - self._seen_ns < wait_s * 1e9:
             return
         seen_s = self.span_s
         self.see(*surface.points(window, seen_s), pose, seen_s)
-        is_in_doubt = self.is_known and not self.is_settled
-        wait_s = AGAIN_S if is_in_doubt or self.is_apart(velocity, span_s) else SELDOM_S
-        self._next_ns = surface.stamp_ns + round(wait_s * 1e9)
+        self._seen_ns = surface.stamp_ns
+        self._apart_looks = self._apart_looks + 1 if self._differs(velocity, span_s) else 0
 
     def see(self, points: Float32Array, count: int, pose: Float64Array, span_s: float) -> None:
         """Tell the velocity from the events of a time (s), round the target's pose at its end."""
@@ -127,8 +132,12 @@ class Backdrop:
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
 
-    def is_apart(self, velocity: Float64Array, span_s: float) -> bool:
-        """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""
+    def believe_apart(self) -> None:
+        """The start has told the target from it."""
+        self._apart_looks = APART_LOOKS
+
+    def _differs(self, velocity: Float64Array, span_s: float) -> bool:
+        """Whether it moves otherwise than a target of a velocity (pixels/s) in a time (s)."""
         return self.is_settled and math.dist(self.velocity, velocity) * span_s >= APART_PX
 
     def keep_own(
@@ -136,10 +145,11 @@ class Backdrop:
     ) -> int:
         """Keep the points that are of a target with this pose and velocity (pixels/s), of a time (s), in place; how
         many they are."""
-        if not self.is_apart(velocity, span_s):
+        if self._apart_looks < APART_LOOKS or not self._differs(velocity, span_s):
             return count
+        least = max(OWN_MIN, round(OWN_SHARE_MIN * count))
         return int(
             keep_own(
-                points, count, pose, self._cell_px, velocity, self.velocity, span_s, OWN_MIN, self._parts, self._room
+                points, count, pose, self._cell_px, velocity, self.velocity, span_s, least, self._parts, self._room
             )
         )
