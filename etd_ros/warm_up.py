@@ -96,7 +96,6 @@ def _track() -> None:
     surface.shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
     backdrop = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).backdrop
     backdrop.velocity, backdrop.is_settled = np.array([1000.0, 0.0]), True
-    backdrop.believe_apart()
     backdrop.keep_own(*surface.points((0, 8, 0, 8), 0.1), np.array([16.0, 16.0, 1.0, 0.0]), np.zeros(2), 0.1)
 
 

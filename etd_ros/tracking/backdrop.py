@@ -28,6 +28,7 @@ EVENTS_MIN, SIDE_SHARE_MIN = 40, 0.05
 """Fewer events in the ring tell nothing, and what moves as one has so many of them on three sides at least:
 what passes it, or reaches out of its box, lies on one or two."""
 START_FITS = 3
+"""A start's events are looked at so many times, each time from what was found before."""
 NEAR_CELLS, FAR_CELLS = 2, 5
 """How far the newer half is looked for where the velocity is known, and where it is not."""
 SPEED_MAX_PX_S = 2000.0
@@ -36,8 +37,6 @@ SETTLED_PX = 0.75
 chance, as along an edge, lies elsewhere each time."""
 APART_PX = 2.5
 """By so much more or otherwise it has to move in the time of a look than the target does."""
-APART_LOOKS = 3
-"""In so many looks in a row: where a camera turns back both velocities lag, each by its own time."""
 OWN_MIN, OWN_SHARE_MIN = 12, 0.25
 """Where fewer events, or a smaller share, would be left as the target's, all are kept: the target moves otherwise
 than was believed, perhaps as what is round it."""
@@ -75,7 +74,6 @@ class Backdrop:
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
         self._seen_ns = NEVER_NS
-        self._apart_looks = 0
 
     @property
     def span_s(self) -> float:
@@ -101,14 +99,13 @@ class Backdrop:
             span_s: the time of a look at it (s).
         """
         is_in_doubt = self.is_known and not self.is_settled
-        wait_s = AGAIN_S if is_in_doubt or self._differs(velocity, span_s) else SELDOM_S
+        wait_s = AGAIN_S if is_in_doubt or self._is_apart(velocity, span_s) else SELDOM_S
         # A stream that starts again is before the time at which it was seen.
         if 0 <= surface.stamp_ns - self._seen_ns < wait_s * 1e9:
             return
         seen_s = self.span_s
         self.see(*surface.points(window, seen_s), pose, seen_s)
         self._seen_ns = surface.stamp_ns
-        self._apart_looks = self._apart_looks + 1 if self._differs(velocity, span_s) else 0
 
     def see(self, points: Float32Array, count: int, pose: Float64Array, span_s: float) -> None:
         """Tell the velocity from the events of a time (s), round the target's pose at its end."""
@@ -132,12 +129,8 @@ class Backdrop:
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
 
-    def believe_apart(self) -> None:
-        """The start has told the target from it."""
-        self._apart_looks = APART_LOOKS
-
-    def _differs(self, velocity: Float64Array, span_s: float) -> bool:
-        """Whether it moves otherwise than a target of a velocity (pixels/s) in a time (s)."""
+    def _is_apart(self, velocity: Float64Array, span_s: float) -> bool:
+        """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""
         return self.is_settled and math.dist(self.velocity, velocity) * span_s >= APART_PX
 
     def keep_own(
@@ -145,7 +138,7 @@ class Backdrop:
     ) -> int:
         """Keep the points that are of a target with this pose and velocity (pixels/s), of a time (s), in place; how
         many they are."""
-        if self._apart_looks < APART_LOOKS or not self._differs(velocity, span_s):
+        if not self._is_apart(velocity, span_s):
             return count
         least = max(OWN_MIN, round(OWN_SHARE_MIN * count))
         return int(

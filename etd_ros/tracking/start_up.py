@@ -154,7 +154,6 @@ class StartUp:
         if is_over and not any(self._outline_px_s()):
             apart = self._apart(events, time_s)
             if apart is not None:
-                contours.backdrop.believe_apart()
                 body.velocity, events = apart
                 moved = body.speed_px_s * time_s
             elif moved > APART_PX:

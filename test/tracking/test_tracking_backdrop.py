@@ -89,7 +89,6 @@ def test_a_start_tells_it_by_events_whose_ages_count_back_from_the_start():
 def test_the_targets_own_events_are_kept_and_those_of_what_lies_behind_are_not():
     own, behind = points_of((-20.0, 0.0), outer=0.8, count=400, pixels=60, seed=2), points_of((150.0, -60.0))
     found = seen(points_of((150.0, -60.0)))
-    found.believe_apart()
     order = np.random.default_rng(0).permutation(len(own) + len(behind))
     points, is_own = np.concatenate([own, behind])[order], (np.arange(len(order)) < len(own))[order]
     kept = points[: found.keep_own(points, len(points), POSE, np.array([-20.0, 0.0]), SPAN_S)]
@@ -99,9 +98,13 @@ def test_the_targets_own_events_are_kept_and_those_of_what_lies_behind_are_not()
     assert (~mine).sum() < 0.25 * len(behind)
 
 
+def test_all_are_kept_where_a_small_share_would_be_left():
+    found, points = seen(points_of((150.0, -60.0))), points_of((150.0, -60.0))
+    assert found.keep_own(points, len(points), POSE, np.array([-20.0, 0.0]), SPAN_S) == len(points)
+
+
 def test_all_are_kept_where_both_move_alike_or_nearly_none_would_be_left():
     found = seen(points_of((150.0, -60.0)))
-    found.believe_apart()
     points = points_of((150.0, -60.0))
     assert found.keep_own(points.copy(), len(points), POSE, np.array([140.0, -60.0]), SPAN_S) == len(points)
     few = points[:OWN_MIN]
