@@ -238,6 +238,7 @@ class EtdNode(ManagedNode):
         try:
             super()._activate()
         except Exception:
+            self._inputs.clear()
             self.worker.stop()
             raise
 

@@ -167,7 +167,9 @@ def _plain(value: Any) -> Any:
 
 def _refused(name: str, value: Any, default: Any, description: Description) -> ParameterError:
     """Why a parameter cannot be declared with a value, with an example: ROS takes no 1 for 1.0, and no 5 for a text."""
-    example = yaml.safe_dump(str(value) if isinstance(default, str) else default, default_flow_style=True)
+    example = yaml.safe_dump(
+        str(value) if isinstance(default, str) else default, default_flow_style=True, width=_INT_MAX
+    )
     limits = "".join(
         f" {word} {limit:g}"
         for word, limit in (("from", description.low), ("to", description.high))

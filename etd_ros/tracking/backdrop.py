@@ -37,7 +37,7 @@ SETTLED_PX = 0.75
 chance, as along an edge, lies elsewhere each time."""
 APART_PX = 2.5
 """By so much more or otherwise it has to move in the time of a look than the target does."""
-OWN_MIN, OWN_SHARE_MIN = 12, 0.25
+OWN_MIN, OWN_SHARE_MIN = 20, 0.25
 """Where fewer events, or a smaller share, would be left as the target's, all are kept: the target moves otherwise
 than was believed, perhaps as what is round it."""
 AGAIN_S, SELDOM_S = 0.01, 0.08
@@ -56,7 +56,7 @@ class Backdrop:
     Attributes:
         velocity: x, y (pixels/s), as far as it is known.
         is_known: whether what is round the target seems to move as one.
-        is_settled: whether two looks in a row have found the same.
+        is_settled: whether the last look has found it near where it should have been.
     """
 
     def __init__(self, size_px: tuple[float, float], cell_px: float, margin: float, margin_px: float) -> None:
@@ -128,6 +128,12 @@ class Backdrop:
         points[:, AGE] += np.float32(time_s)
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
+
+    def forget(self) -> None:
+        """The target is elsewhere, or at another time."""
+        self.velocity = np.zeros(2)
+        self.is_known = self.is_settled = False
+        self._seen_ns = NEVER_NS
 
     def _is_apart(self, velocity: Float64Array, span_s: float) -> bool:
         """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""

@@ -9,7 +9,7 @@ from etd_ros.tracking.contour_drawing import agreements
 from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
 
 POINTS_MAX = 2000
-"""Of more points every second, third, ... tells how what is round the target moves."""
+"""Of so many points, or more, every second, third, ... tells how what is round the target moves."""
 
 
 @njit(cache=True, nogil=True)
@@ -169,7 +169,7 @@ def keep_own(points: Float32Array, count: int, pose: Float64Array, cell_px: floa
     for layer in range(2):
         motion = velocity if layer == 0 else behind
         at_start = pose.copy()
-        # The grid lies where the target is in the middle of the time.
+        # In the middle of the time the grid lies where the target is at its end.
         at_start[0] -= motion[0] * span_s / 2
         at_start[1] -= motion[1] * span_s / 2
         agreements(since_start, count, at_start, cell_px, motion, span_s, parts, room, agreed[layer])

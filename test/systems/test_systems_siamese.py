@@ -68,7 +68,7 @@ def test_files_that_are_no_weights_are_refused_in_one_line(maker, parameter, tmp
     path.write_bytes(b"nothing")
     with pytest.raises(CompareError, match=r"weights\.pth: not a file of plain weights"):
         maker(settings_from_mapping({parameter: str(path)}))
-    with pytest.raises(CompareError, match=rf"no readable file; set the parameter {parameter.partition('.')[2]}"):
+    with pytest.raises(CompareError, match=rf"no readable file; set the parameter {parameter}"):
         maker(settings_from_mapping({parameter: str(tmp_path / "gone.pth")}))
 
 
