@@ -37,7 +37,7 @@ SETTLED_PX = 0.75
 chance, as along an edge, lies elsewhere each time."""
 APART_PX = 2.5
 """By so much more or otherwise it has to move in the time of a look than the target does."""
-OWN_MIN, OWN_SHARE_MIN = 20, 0.25
+OWN_MIN, OWN_SHARE_MIN = 12, 0.25
 """Where fewer events, or a smaller share, would be left as the target's, all are kept: the target moves otherwise
 than was believed, perhaps as what is round it."""
 AGAIN_S, SELDOM_S = 0.01, 0.08

@@ -188,6 +188,7 @@ class ContourTarget:
             return
         self._body.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
+        self._contours.backdrop.forget()
         if self._start_up is not None:
             # What it has collected is of other times.
             self._start_up = StartUp(self._contours)

@@ -251,7 +251,6 @@ class Contours:
     def stop(self) -> None:
         """Take the target to be at rest."""
         self.body.stop()
-        self.backdrop.forget()
         self._growth_by_flow = None
         self._turning_by_flow = self._trial = None
 
