@@ -156,19 +156,19 @@ class ManagedNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
-        self._kept[Phase.UNCONFIGURED] = self._entities()
-        try:
-            self.configure()
-        except Exception:
-            self._destroy_but(self._kept[Phase.UNCONFIGURED])
-            raise
+        self._add_by(self.configure)
 
     def _activate(self) -> None:
-        self._kept[Phase.INACTIVE] = self._entities()
+        self._add_by(self.activate)
+
+    def _add_by(self, work: Callable[[], None]) -> None:
+        """Have some work add what is read and published; what this phase had is kept for the way back, and all that
+        there is if the work fails."""
+        kept = self._kept[self.phase] = self._entities()
         try:
-            self.activate()
+            work()
         except Exception:
-            self._destroy_but(self._kept[Phase.INACTIVE])
+            self._destroy_but(kept)
             raise
 
     def _deactivate(self) -> None:

@@ -60,8 +60,7 @@ class Backdrop:
     """
 
     def __init__(self, size_px: tuple[float, float], cell_px: float, margin: float, margin_px: float) -> None:
-        self.velocity: Float64Array = np.zeros(2)
-        self.is_known = self.is_settled = False
+        self.forget()
         self._cell_px = CELL * cell_px
         columns, rows = (math.ceil((margin * side + 2 * margin_px) / self._cell_px) + 4 for side in size_px)
         down, across = np.ogrid[:rows, :columns]
@@ -73,6 +72,11 @@ class Backdrop:
         self._halves = np.zeros((2, rows, columns), np.float32)
         self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
         self._room = np.zeros((2, rows, columns), np.float32)
+
+    def forget(self) -> None:
+        """The target is elsewhere, or at another time."""
+        self.velocity: Float64Array = np.zeros(2)
+        self.is_known = self.is_settled = False
         self._seen_ns = NEVER_NS
 
     @property
@@ -81,28 +85,17 @@ class Backdrop:
         shortest_s, longest_s = SPAN_S
         return min(max(MOTION_PX / max(math.hypot(*self.velocity.tolist()), 1.0), shortest_s), longest_s)
 
-    def look(
-        self,
-        surface: TimeSurface,
-        window: Window,
-        pose: Float64Array,
-        velocity: Float64Array,
-        span_s: float,
-    ) -> None:
-        """See how it moves now, if it is time: soon where it is in doubt, or can be told from the target.
-
-        Args:
-            surface: the events.
-            window: where they are known round the target.
-            pose: where the target should be, upright, as that of `Body`.
-            velocity: of the target (pixels/s).
-            span_s: the time of a look at it (s).
-        """
+    def is_due(self, stamp_ns: int, velocity: Float64Array, span_s: float) -> bool:
+        """Whether it is time (ns) to see how it moves: soon where it is in doubt, or can be told from a target of a
+        velocity (pixels/s) in the time of a look (s)."""
         is_in_doubt = self.is_known and not self.is_settled
         wait_s = AGAIN_S if is_in_doubt or self._is_apart(velocity, span_s) else SELDOM_S
         # A stream that starts again is before the time at which it was seen.
-        if 0 <= surface.stamp_ns - self._seen_ns < wait_s * 1e9:
-            return
+        return not 0 <= stamp_ns - self._seen_ns < wait_s * 1e9
+
+    def look(self, surface: TimeSurface, window: Window, pose: Float64Array) -> None:
+        """See how it moves now, by the events of a window in which they are known, round where the target should be:
+        upright, as the pose of `Body`."""
         seen_s = self.span_s
         self.see(*surface.points(window, seen_s), pose, seen_s)
         self._seen_ns = surface.stamp_ns
@@ -128,12 +121,6 @@ class Backdrop:
         points[:, AGE] += np.float32(time_s)
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
-
-    def forget(self) -> None:
-        """The target is elsewhere, or at another time."""
-        self.velocity = np.zeros(2)
-        self.is_known = self.is_settled = False
-        self._seen_ns = NEVER_NS
 
     def _is_apart(self, velocity: Float64Array, span_s: float) -> bool:
         """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""

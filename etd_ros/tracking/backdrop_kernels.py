@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from etd_ros.tracking.contour_drawing import agreements
-from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y, parabola
 
 POINTS_MAX = 2000
 """Of so many points, or more, every second, third, ... tells how what is round the target moves."""
@@ -55,8 +55,8 @@ def ring_shift(points: Float32Array, count: int, pose: Float64Array, cell_px: fl
     if max(abs(right), abs(below)) == reach:
         return 0.0, 0.0, 0.0
     best, line = scores[below + reach, right + reach], scores[below + reach]
-    along_x = right + _top(line[right + reach - 1], best, line[right + reach + 1])
-    along_y = below + _top(scores[below + reach - 1, right + reach], best, scores[below + reach + 1, right + reach])
+    along_x = right + parabola(line[right + reach - 1], best, line[right + reach + 1])
+    along_y = below + parabola(scores[below + reach - 1, right + reach], best, scores[below + reach + 1, right + reach])
     size_px = cell_px * pose[2]
     possible = np.sqrt(of_older * _energy(newer, ring, right, below))
     return along_x * size_px, along_y * size_px, float(best / max(possible, 1e-6))
@@ -131,13 +131,6 @@ def _correlation(older: Float32Array, newer: Float32Array, across: int, down: in
         for column in range(right - left):
             found += line[column] * other[column]
     return float(found)
-
-
-@njit(cache=True, nogil=True)
-def _top(before: float, best: float, after: float) -> float:
-    """Where a parabola through three values a step apart, the middle one the greatest, has its top, -0.5 to 0.5."""
-    bend = before + after - 2 * best
-    return (before - after) / (2 * bend) if bend < 0 else 0.0
 
 
 @njit(cache=True, nogil=True)

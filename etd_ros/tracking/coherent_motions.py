@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -107,17 +107,12 @@ class CoherentMotions:
     def farther_off(self, events: Float32Array, time_s: float, so_far: Float64Array, near: Motion) -> Motion:
         """The motion of the greatest coherence within FAST_STEPS steps of a velocity (pixels/s), or the best near that
         if none of them agrees better than it."""
-        steps = range(-FAST_STEPS, FAST_STEPS + 1)
-        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= FAST_STEPS)
-        velocities = (so_far + offset * (FAST_STEP_PX / time_s) for offset in offsets)
-        best = self.best_of(some_of(events), time_s, velocities).velocity
+        best = self.best_of(some_of(events), time_s, _round(so_far, FAST_STEP_PX / time_s, FAST_STEPS)).velocity
         return near if np.array_equal(best, so_far) else self.near(events, time_s, best)
 
     def best_of(self, events: Float32Array, time_s: float, velocities: Iterable[Float64Array]) -> Motion:
         """The motion at which the events agree best, of those with these velocities (pixels/s)."""
-        shares = _alike(events)
-        motions = (self._at(events, time_s, shares, self._weight, velocity) for velocity in velocities)
-        return max(motions, key=lambda motion: motion.agreement)
+        return self._best_of(events, time_s, _alike(events), velocities)
 
     def agreement_if(self, turned: Turned, events: Float32Array, time_s: float) -> float:
         """How well the events agree if the target has moved, turned and grown so."""
@@ -180,17 +175,19 @@ class CoherentMotions:
         behind = self._agreements(events, time_s, ring)
         half = LEFT_OVER * float(behind.mean())
         shares = np.asarray(shares * half / (half + behind), np.float32)
-        steps = range(-OWN_STEPS, OWN_STEPS + 1)
-        offsets = (np.array([i, j]) for j in steps for i in steps if math.hypot(i, j) <= OWN_STEPS)
-        tried = (
-            self._at(events, time_s, shares, self._weight, ring + offset * (OWN_STEP_PX / time_s)) for offset in offsets
-        )
-        coarse = max(tried, key=lambda motion: motion.agreement)
+        coarse = self._best_of(events, time_s, shares, _round(ring, OWN_STEP_PX / time_s, OWN_STEPS))
         own = self._near(events, time_s, shares, self._weight, coarse.velocity)
         known = self._near(events, time_s, shares, self._weight, believed)
         is_other = math.dist(own.velocity, believed) * time_s >= APART_PX
         is_better = own.agreement >= known.agreement and own.alike >= max(OWN_ALIKE_MIN, known.alike - 0.01)
         return own.velocity if is_other and is_better else None
+
+    def _best_of(
+        self, events: Float32Array, time_s: float, shares: Float32Array, velocities: Iterable[Float64Array]
+    ) -> Motion:
+        """`best_of` of events that count by shares."""
+        motions = (self._at(events, time_s, shares, self._weight, velocity) for velocity in velocities)
+        return max(motions, key=lambda motion: motion.agreement)
 
     def _near(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
@@ -225,6 +222,12 @@ class CoherentMotions:
             events, len(events), self._pose, self._cell_px, velocity, time_s, self._parts, self._room, agreed
         )  # fmt: skip
         return agreed
+
+
+def _round(velocity: Float64Array, step_px_s: float, steps: int) -> Iterator[Float64Array]:
+    """Velocities (pixels/s) up to so many steps from one, which is among them."""
+    reach = range(-steps, steps + 1)
+    return (velocity + np.array([i, j]) * step_px_s for j in reach for i in reach if math.hypot(i, j) <= steps)
 
 
 def _alike(events: Float32Array) -> Float32Array:

@@ -163,9 +163,9 @@ class Contours:
         radius_px = self.config.search_radius * (2 if any_motion else 1)
         body = self.body
         x, y = body.predicted(surface.stamp_ns)
-        window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
-        pose = np.array([x, y, body.pose[SCALE], 0.0])
-        self.backdrop.look(surface, window, pose, body.velocity, self._span_s(surface.stamp_ns))
+        if self.backdrop.is_due(surface.stamp_ns, body.velocity, self._span_s(surface.stamp_ns)):
+            window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
+            self.backdrop.look(surface, window, np.array([x, y, body.pose[SCALE], 0.0]))
         return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
     def look_at(

@@ -128,7 +128,8 @@ def test_it_is_looked_at_soon_where_it_can_be_told_from_the_target(velocity, wai
 
     def asked_by(stamp_ns):
         surface.stamp_ns = stamp_ns
-        found.look(surface, (0, 0, 0, 0), POSE, np.array(velocity), SPAN_S)
+        if found.is_due(stamp_ns, np.array(velocity), SPAN_S):
+            found.look(surface, (0, 0, 0, 0), POSE)
         return surface.asked
 
     assert asked_by(0) == 1
