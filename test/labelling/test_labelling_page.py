@@ -66,6 +66,11 @@ class Page:
         return self.element(name).text
 
     @property
+    def typed_class(self):
+        """Of the first target; asked for at once, as its row is drawn anew with each answer."""
+        return self.browser.execute_script("return document.querySelector('#targets li input.class').value")
+
+    @property
     def zoom(self):
         return int(self.text("zoom").split()[0])
 
@@ -302,11 +307,11 @@ def test_what_a_target_is_can_be_typed_beside_its_name(page, output):
     page.here("target_1: x 10")
     page.browser.find_element("css selector", "#targets li input.class").click()
     page.press("person", Keys.ENTER)
-    page.until(lambda: page.browser.find_element("css selector", "#targets li input.class").get_property("value"))
+    page.until(lambda: page.typed_class)
     page.save()
     assert [row.class_id for row in read_boxes(output)["target_1"]] == ["person"]
     page.press("z", held=[Keys.CONTROL])
-    page.until(lambda: page.browser.find_element("css selector", "#targets li input.class").get_property("value") == "")
+    page.until(lambda: page.typed_class == "")
 
 
 def test_key_frames_are_gone_to_and_removed(page):
