@@ -88,13 +88,13 @@ class Pipeline(EtdNode):
         self._images = self.publisher(Image, "~/image_raw")
 
     def activate(self) -> None:
-        """Start the threads; begin to read."""
-        self._longest.open()
-        self._imaging = self._stage("pipeline_imaging")
-        self._tracking = self._stage("pipeline_tracking")
+        """Begin to read; start the threads, after all that may fail and would leave them behind."""
         self._targets.open()
         ResetService(self, lambda: self._in_tracking(self._forget))
         self._input.open()
+        self._longest.open()
+        self._imaging = self._stage("pipeline_imaging")
+        self._tracking = self._stage("pipeline_tracking")
 
     def deactivate(self) -> None:
         """Read no more, and end the threads. The tracking waits for the imaging, so it ends first."""

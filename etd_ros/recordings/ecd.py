@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.events import SENSOR_PIXELS_MAX, Events, check_pixel_map
-from etd_ros.recordings.files import IMAGE_LIST, image_lines
+from etd_ros.recordings.files import IMAGE_LIST, image_lines, is_file
 from etd_ros.recordings.interface import (
     FRAME_ID,
     RecordedImage,
@@ -122,7 +122,7 @@ class EcdRecording(Recording):
 
 def _is_readable_image(file: Path) -> bool:
     """Whether it is a file, and no PNG that claims more pixels than any sensor has: room for them is made at once."""
-    if not file.is_file():
+    if not is_file(file):
         return False
     with file.open("rb") as image:
         head = image.read(PNG_HEAD.size)

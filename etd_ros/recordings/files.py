@@ -21,10 +21,10 @@ def recording_files(path: Path) -> list[Path]:
         return [path]
     # A line that is not `t file` is the reader's to refuse.
     frames = (images.parent / fields[-1] for _, fields in image_lines(images))
-    return sorted(file for file in (*found, images, *frames) if _is_file(file))
+    return sorted(file for file in (*found, images, *frames) if is_file(file))
 
 
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
     """Whether it is one; a name that no file can have is the reader's to refuse."""
     try:
         return path.is_file()

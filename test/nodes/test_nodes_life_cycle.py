@@ -116,6 +116,33 @@ rclpy.shutdown()
     assert "on purpose" in done.stderr
 
 
+def test_a_pipeline_that_cannot_begin_to_read_leaves_no_thread_behind():
+    program = """
+import threading
+import rclpy
+from etd_ros.errors import EtdError
+from etd_ros.nodes.event_input import EventInput
+from etd_ros.nodes.pipeline import Pipeline
+
+def fail(self):
+    raise EtdError("on purpose")
+
+EventInput.open = fail
+rclpy.init()
+node = Pipeline()
+node.trigger_configure()
+threads = threading.active_count()
+node.trigger_activate()
+assert threading.active_count() == threads, "a thread is left"
+node.stop()
+node.destroy_node()
+rclpy.shutdown()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "on purpose" in done.stderr
+
+
 def test_targets_are_kept_over_a_pause(bench, repository):
     boxes: list[set[str]] = []
     bench.listen(

@@ -177,6 +177,14 @@ def test_a_picture_that_claims_a_billion_pixels_gets_no_memory(tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 - before_mib < MEMORY_MAX_MIB
 
 
+def test_a_picture_whose_name_no_file_can_have_is_missing(tmp_path):
+    path, file = video(tmp_path)
+    index = file.parent / "images.txt"
+    index.write_text(index.read_text().replace(file.name, f"{'a' * 300}.png"))
+    with pytest.raises(RecordingError, match=r"aaa\.png: missing, or no image"):
+        read(path)
+
+
 def test_a_bag_whose_parts_are_numbered_in_other_scripts_is_read(tmp_path):
     path, file = metadata(tmp_path)
     file.unlink()
