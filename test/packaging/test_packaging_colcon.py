@@ -16,8 +16,8 @@ from rclpy.node import Node
 
 NODES = {"accumulator", "pipeline", "reconstruction", "replay", "tracker"}
 GENERATED = shutil.ignore_patterns(".*", "demo", "build", "install", "log", "*.egg-info", "__pycache__", "test", "bags")
-TIMEOUT_S = 300
-"""The nodes compile their kernels at once, in a place without a cache: most of a minute of processor time."""
+TIMEOUT_S = 600
+"""Kernels are compiled in a place without a cache: a minute and a half of processor time, on a machine that is shared."""
 DOMAIN = 97
 
 
@@ -90,18 +90,19 @@ def nodes_heard(expected: set[str]) -> set[str]:
 
 
 def test_each_installed_node_starts_and_leaves_quietly(workspace: Path, environment: dict[str, str]) -> None:
-    nodes = {
-        node: subprocess.Popen(
-            in_workspace(workspace, f"install/etd_ros/lib/etd_ros/{node}"),
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for node in sorted(NODES - {"replay"})
-    }
+    nodes: dict[str, subprocess.Popen[str]] = {}
     try:
-        assert nodes_heard(set(nodes)) >= set(nodes)
+        # The pipeline has the kernels of all others, which need not be compiled by each then.
+        for started in ({"pipeline"}, NODES - {"pipeline", "replay"}):
+            for node in started:
+                nodes[node] = subprocess.Popen(
+                    in_workspace(workspace, f"install/etd_ros/lib/etd_ros/{node}"),
+                    env=environment,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                )
+            assert nodes_heard(set(nodes)) >= set(nodes)
         for process in nodes.values():
             process.send_signal(signal.SIGINT)
         for node, process in nodes.items():
