@@ -176,6 +176,9 @@ class CoherentMotions:
         half = LEFT_OVER * float(behind.mean())
         shares = np.asarray(shares * half / (half + behind), np.float32)
         coarse = self._best_of(events, time_s, shares, _round(ring, OWN_STEP_PX / time_s, OWN_STEPS))
+        if math.dist(coarse.velocity, ring) * time_s > (OWN_STEPS - 1) * OWN_STEP_PX:
+            # The best at the border of what was tried is none: it goes on to rise beyond.
+            return None
         own = self._near(events, time_s, shares, self._weight, coarse.velocity)
         known = self._near(events, time_s, shares, self._weight, believed)
         is_other = math.dist(own.velocity, believed) * time_s >= APART_PX

@@ -98,6 +98,13 @@ def test_nothing_is_told_apart_that_moves_alike():
     assert motions().apart_from(behind, events, TIME_S, behind) is None
 
 
+def test_what_agrees_best_at_the_border_of_what_is_tried_is_not_the_targets_motion():
+    behind = np.array([120.0, 0.0])
+    far = behind - np.array([330.0, 0.0])  # 13 pixels within the time: it would agree the better the farther off
+    events = np.concatenate(of_target_and_behind(far, behind))
+    assert motions().apart_from(behind, events, TIME_S, behind) is None
+
+
 def test_nothing_is_told_from_a_ring_that_does_not_move_as_one():
     own = np.array([-60.0, 40.0])
     rng = np.random.default_rng(6)
