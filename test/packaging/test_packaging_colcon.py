@@ -17,7 +17,7 @@ from rclpy.node import Node
 NODES = {"accumulator", "pipeline", "reconstruction", "replay", "tracker"}
 GENERATED = shutil.ignore_patterns(".*", "demo", "build", "install", "log", "*.egg-info", "__pycache__", "test", "bags")
 TIMEOUT_S = 600
-"""Kernels are compiled in a place without a cache: a minute and a half of processor time, on a machine that is shared."""
+"""Kernels are compiled in a place without a cache: a minute and a half of processor time, on a shared machine."""
 DOMAIN = 97
 
 
