@@ -20,7 +20,7 @@ MARKED_EVENTS = 64
 """Events whose bits are set before their times are written: processors write in order, so that a bit, which is near,
 would wait for each time, which is not; meanwhile the times' places are fetched."""
 
-EVENTS_AHEAD = 2048
+EVENTS_AHEAD = 512
 """How far ahead events are fetched: a batch that is read once from a memory that is far is waited for otherwise."""
 
 _U32, _U64 = np.uint32, np.uint64

@@ -93,9 +93,7 @@ def _fetch_events(_typing: Any, t: Any, x: Any, y: Any, p: Any, first: Any) -> A
             item_bytes = context.get_abi_sizeof(context.get_data_type(kind.dtype))
             for line in range(item_bytes if kind.layout == "C" else 0):
                 place = builder.add(first_, ir.Constant(LONG, line * LINE_BYTES // item_bytes))
-                fetch(
-                    builder, builder.gep(items(context, builder, kind, array), [place]), to_write=False, is_soon=False
-                )
+                fetch(builder, builder.gep(items(context, builder, kind, array), [place]), to_write=False)
         return context.get_dummy_value()
 
     del first
@@ -107,5 +105,5 @@ find_slots = cast("FindSlots", intrinsic(_find_slots))
 of 16, of a map with so many cells in a row; put into `slots` from its beginning on."""
 
 fetch_events = cast("FetchEvents", intrinsic(_fetch_events))
-"""fetch_events(t, x, y, p, first): have 64 events, of which some may be beyond the last, brought nearer where their
+"""fetch_events(t, x, y, p, first): have 64 events, of which some may be beyond the last, brought near where their
 arrays are contiguous."""

@@ -74,13 +74,13 @@ def largest_lane(builder: Any, numbers: Any) -> Any:
     return _call(builder, "vector.reduce.umax", numbers, numbers.type.element)
 
 
-def fetch(builder: Any, item: Any, *, to_write: bool, is_soon: bool = True) -> None:
-    """Have the memory round an item brought near, as it will be read or written soon, or less near, for later."""
+def fetch(builder: Any, item: Any, *, to_write: bool) -> None:
+    """Have the memory round an item brought near, as it will be read or written soon."""
     pointer = BYTE.as_pointer()
     kind = ir.FunctionType(ir.VoidType(), [pointer, WORD, WORD, WORD])
     function = get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")  # type: ignore[no-untyped-call]
-    nearest, second, data = 3, 2, 1
-    flags = (ir.Constant(WORD, number) for number in (int(to_write), nearest if is_soon else second, data))
+    nearest, data = 3, 1
+    flags = (ir.Constant(WORD, number) for number in (int(to_write), nearest, data))
     builder.call(function, [builder.bitcast(item, pointer), *flags])
 
 
