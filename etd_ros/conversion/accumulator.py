@@ -80,6 +80,7 @@ class FrameAccumulator:
             self.start_ns = events.t.item(0)
             self._has_begun = True
         self.state["previous_ns"] = events.t.item(-1)
+        self.state["block_first"] = self.state["block_stop"] = 0
 
     @property
     def _previous_ns(self) -> int:

@@ -44,6 +44,7 @@ def begin_block(
     if not fit(t, x, y, p, first, stop, len(cells.column_slot), len(cells.row_slot)):
         return False
     state[0].previous_ns = t[stop - 1]
+    state[0].block_first, state[0].block_stop = first, stop
     _find_slots(cells, x, y, p, _U64(first), _U64(stop - first))
     return True
 

@@ -92,6 +92,8 @@ STATE_DTYPE = np.dtype(
         ("unsure", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
+        ("block_first", "<i8"),
+        ("block_stop", "<i8"),
         ("previous_ns", "<i8"),
         ("min_duration_ns", "<i8"),
         ("max_duration_ns", "<i8"),
@@ -108,12 +110,15 @@ check: its event (0: none yet), what the sum had lost, how much more it may have
 events but no entropy. From which event on NZGE may have reached alpha (`near`, 0: it has not yet). Exact checks that
 found less than alpha.
 
+The first event of the block of the batch whose slots the map holds, and the one behind its last: frames end within
+blocks, which are not begun anew for the next one.
+
 The time of the stream's last event. What ends a frame: NZGE of alpha or more, looked for every `check_stride` events,
 min_duration_ns after the frame's start at the earliest, or max_duration_ns. All this lies here, as an array costs
 Python less to hand over than a number each. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
 """Of a frame that nothing ends but its longest duration."""
 
 
@@ -235,10 +240,14 @@ def _advance(
         if len(t) == 0:
             return NO_END, 0, 0, 0.0, state[0].events
         first = 0
+        state[0].block_first, state[0].block_stop = 0, 0
     alpha, check_stride = state[0].alpha, state[0].check_stride
     earliest_ns = start_ns + state[0].min_duration_ns
     stop = _first_after(t, first, start_ns + state[0].max_duration_ns)
-    i, block_first, block_stop = first, first, first
+    i, block_first, block_stop = first, state[0].block_first, state[0].block_stop
+    if not block_first <= i <= block_stop:
+        # Another batch has come meanwhile, which should not be: no slots but those of a block may be taken.
+        block_first, block_stop = i, i
     if state[0].events == 0:
         state[0].next = check_stride
     while True:

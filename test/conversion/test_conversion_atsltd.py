@@ -485,6 +485,18 @@ def test_what_a_converter_has_added_of_a_batch_that_it_refuses_belongs_to_the_st
     assert frame.events == added + len(later)
 
 
+def test_an_iterator_that_a_later_batch_has_overtaken_does_no_harm():
+    events = random_events(15, 4000, 20, 20, 10 * MS)
+    expected = frames_of(AtsltdConverter(20, 20), [events])
+    converter = AtsltdConverter(20, 20)
+    overtaken = converter.convert(events)
+    next(overtaken)
+    list(converter.convert(dataclasses.replace(events[:7], t=events.t[:7] + 20 * MS)))
+    list(overtaken)
+    converter.reset()
+    assert_same_frames(frames_of(converter, [events]), expected)
+
+
 def test_a_late_batch_that_does_not_fit_does_not_end_the_frame():
     converter = AtsltdConverter(8, 8)
     list(converter.convert(make_events([100], [0], [0], [1], 8, 8)))
