@@ -1,8 +1,8 @@
 """The constant vectors that a tile's levels are found with, side by side in one table.
 
 A compiled kernel may lie anywhere in memory, so that the compiler has each constant found by an instruction of its own
-for its address: a ninth of all that it takes to read a tile. Here it has to find them all by the address of the table,
-of which it does not know that it is constant as well.
+for its address: about a tenth of all that it takes to read a tile. Here it has to find them all by the address of the
+table, of which it does not know that it is constant as well.
 """
 
 from __future__ import annotations
