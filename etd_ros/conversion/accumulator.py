@@ -10,7 +10,7 @@ import numpy as np
 from etd_ros.boxes import Box
 from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch, not_following, not_of_sensor
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
-from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.frame import ENDED_BY_TIME, Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers
 from etd_ros.conversion.kernels import (
     BY_TIME,
@@ -80,6 +80,7 @@ class FrameAccumulator:
             self.start_ns = events.t.item(0)
             self._has_begun = True
         self.state["previous_ns"] = events.t.item(-1)
+        self.state["block_first"] = self.state["block_stop"] = 0
 
     @property
     def _previous_ns(self) -> int:
@@ -105,7 +106,7 @@ class FrameAccumulator:
             What ends the frame, or None where the batch is over.
 
         Raises:
-            ConversionError: as `accept` does.
+            ConversionError: as `accept` does, but when it comes to the block of events that holds what does not fit.
         """
         if events.width != self.width or events.height != self.height:
             raise not_of_sensor(events, self.width, self.height)
@@ -120,7 +121,9 @@ class FrameAccumulator:
             if step[0] == NOT_PLAIN:
                 step = advance(self.store, self.state, t, x, y, p, first, self.start_ns, memory)
             if step[0] == NOT_FOLLOWING:
-                raise not_following(events, self._previous_ns)
+                # What comes before the block in which it does not has been added.
+                self._has_begun = self._has_begun or step[1] > 0
+                raise not_following(events, self._previous_ns if step[1] == 0 else BEFORE_ALL_NS)
             step = None if step[0] == NO_END else step
         self._has_begun = True
         return step
@@ -162,9 +165,9 @@ class FrameAccumulator:
         limit_ns = self.start_ns + max_duration_ns
         frame = None
         if end == BY_TIME:
-            frame = self.hand_out(limit_ns, FrameEnd.TIME_LIMIT, nzge, events)
+            frame = self.hand_out(limit_ns, ENDED_BY_TIME, nzge, events)
         elif events:
-            frame = self.finish(limit_ns, FrameEnd.TIME_LIMIT)
+            frame = self.finish(limit_ns, ENDED_BY_TIME)
         self.start_ns = event_ns if event_ns > limit_ns + max_duration_ns else limit_ns
         return frame
 
@@ -189,7 +192,8 @@ class AccumulatingConverter(ABC):
         The batch is worked off as the iterator advances: exhaust it before the next batch.
 
         Raises:
-            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back.
+            ConversionError: another sensor size, a coordinate or polarity off the sensor, or time going back. See
+                `Converter.convert`.
         """
 
     def reset(self) -> None:

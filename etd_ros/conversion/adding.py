@@ -10,16 +10,43 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.borrowing_kernel import kernel_part
+from etd_ros.conversion.batches import fit
 from etd_ros.conversion.bits import count_bits
 from etd_ros.conversion.cell_map import LANES, CellMap
 from etd_ros.conversion.marks import mark_events
-from etd_ros.conversion.slots import find_slots
+from etd_ros.conversion.slots import fetch_events, find_slots
 
 MARKED_EVENTS = 64
 """Events whose bits are set before their times are written: processors write in order, so that a bit, which is near,
 would wait for each time, which is not; meanwhile the times' places are fetched."""
 
+EVENTS_AHEAD = 512
+"""How far ahead events are fetched: a batch that is read once from a memory that is far is waited for otherwise."""
+
 _U32, _U64 = np.uint32, np.uint64
+
+
+@kernel_part
+def begin_block(
+    cells: CellMap,
+    state: npt.NDArray[np.void],
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
+) -> bool:
+    """Verify a block of events and find their slots; whether they fit.
+
+    Block by block, as what a block is read for once is near for all that follows.
+    """
+    if not fit(t, x, y, p, first, stop, len(cells.column_slot), len(cells.row_slot)):
+        return False
+    state[0].previous_ns = t[stop - 1]
+    state[0].block_first, state[0].block_stop = first, stop
+    _find_slots(cells, x, y, p, _U64(first), _U64(stop - first))
+    return True
 
 
 @kernel_part
@@ -33,12 +60,9 @@ def add_events(
     first: int,
     stop: int,
     start_ns: int,
-    block: tuple[int, int],
-) -> tuple[int, int]:
+    block_first: int,
+) -> None:
     """Add events first .. stop - 1 to the frame that starts at start_ns.
-
-    In blocks, whose slots are found first. A block goes on beyond what is added, as the next call most likely goes on
-    with it.
 
     Args:
         cells: the map.
@@ -50,25 +74,14 @@ def add_events(
         first: event.
         stop: event.
         start_ns: T_{i-1}.
-        block: first event and the one behind the last of the block whose slots the map holds.
-
-    Returns:
-        The block whose slots it holds then.
+        block_first: first event of the block that has been begun, which holds all of these.
     """
     state[0].events += stop - first
-    block_first, block_stop = block
-    while first < stop:
-        if first >= block_stop:
-            block_first, block_stop = first, min(first + len(cells.slots), len(t))
-            _find_slots(cells, x, y, p, _U64(first), _U64(block_stop - first))
-        part_stop = min(stop, block_stop)
-        slots = _U64(first - block_first), _U64(part_stop - block_first)
-        if cells.is_plain:
-            _mark_slots(cells, state, t, *slots, _U64(block_first), start_ns)
-        else:
-            _mark_and_count_slots(cells, state, t, *slots, _U64(block_first), start_ns)
-        first = part_stop
-    return block_first, block_stop
+    slots = _U64(first - block_first), _U64(stop - block_first)
+    if cells.is_plain:
+        _mark_slots(cells, state, t, x, y, p, *slots, _U64(block_first), start_ns)
+    else:
+        _mark_and_count_slots(cells, state, t, *slots, _U64(block_first), start_ns)
 
 
 @kernel_part
@@ -95,18 +108,27 @@ def _mark_slots(
     cells: CellMap,
     state: npt.NDArray[np.void],
     t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
     first: np.uint64,
     stop: np.uint64,
     block_first: np.uint64,
     start_ns: int,
 ) -> None:
     """Note the times of the events whose slots are slots[first] .. slots[stop - 1], that of slots[k] being event
-    block_first + k; set their bits, and add what they bring to the running sums."""
+    block_first + k; set their bits, and add what they bring to the running sums.
+
+    Meanwhile events further on are fetched, bit by bit: all of a block's at once would be waited for.
+    """
     slots, last, words, gains = cells.slots, cells.last, cells.words, cells.gains
     gained, counted = np.int64(0), np.int64(0)
     whole_stop = stop - (stop - first) % _U64(LANES)
     while first < whole_stop:
         part_stop = min(whole_stop, first + _U64(MARKED_EVENTS))
+        ahead = block_first + first + _U64(EVENTS_AHEAD)
+        if ahead < _U64(len(t)):
+            fetch_events(t, x, y, p, ahead)
         more_gained, more_counted = mark_events(slots, words, last, first, part_stop, cells.gains_high, cells.gains_low)
         gained += more_gained
         counted += more_counted

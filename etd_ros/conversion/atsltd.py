@@ -11,7 +11,7 @@ from typing import TypeAlias
 from etd_ros.boxes import Box
 from etd_ros.conversion.accumulator import AccumulatingConverter, FrameAccumulator
 from etd_ros.conversion.cell_map import DURATION_MAX_NS
-from etd_ros.conversion.frame import Frame, FrameEnd
+from etd_ros.conversion.frame import ENDED_BY_NZGE, Frame
 from etd_ros.conversion.kernels import BY_NZGE, NEW_BATCH, Step
 from etd_ros.conversion.nzge import CELL_SIZE, CELL_SIZE_MAX, LOG_BASE
 from etd_ros.events import Events
@@ -189,8 +189,9 @@ class AtsltdConverter(AccumulatingConverter):
         while step is not None:
             end, i, event_ns, nzge, frame_events = step
             if end == BY_NZGE:
-                frame = accumulator.hand_out(event_ns, FrameEnd.NZGE, nzge, frame_events)
-                self.overshoots += nzge > beta
+                frame = accumulator.hand_out(event_ns, ENDED_BY_NZGE, nzge, frame_events)
+                if nzge > beta:
+                    self.overshoots += 1
             else:
                 frame = accumulator.skip_late(self._max_duration_ns, step)
             if frame is not None:

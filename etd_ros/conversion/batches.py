@@ -54,55 +54,76 @@ def _follows(
     height: int,
     earliest_ns: int,
 ) -> bool:
-    return follows(t, x, y, p, width, height, earliest_ns)
+    return can_follow(t, x, y, p, earliest_ns) and fit(t, x, y, p, 0, len(t), width, height)
 
 
 @kernel_part
-def follows(
+def can_follow(
     t: npt.NDArray[np.int64],
     x: npt.NDArray[np.uint16],
     y: npt.NDArray[np.uint16],
     p: npt.NDArray[np.uint8],
-    width: int,
-    height: int,
     earliest_ns: int,
 ) -> bool:
-    """Whether time never goes back nor leaves what is possible, and all coordinates and polarities fit the sensor.
+    """Whether these arrays can be those of a batch, and its first event is not before earliest_ns.
 
-    False as well for arrays of unlike lengths, times that are not int64, or other integers of other sizes: for those
-    kernels are compiled, too.
+    They cannot if their lengths differ, times are not int64, or other integers of other sizes: for those kernels are
+    compiled, too.
     """
     if not len(t) == len(x) == len(y) == len(p):
         return False
     is_time, is_place = t.dtype == np.dtype(np.int64), x.itemsize == y.itemsize == COORDINATE_BYTES
     if not (is_time and is_place and p.itemsize == 1):
         return False
-    if len(t) == 0:
+    return bool(len(t) == 0 or earliest_ns <= t[0])
+
+
+@kernel_part
+def fit(
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
+    width: int,
+    height: int,
+) -> bool:
+    """Whether events first .. stop - 1 of arrays that can be a batch's fit the sensor, and their time neither goes
+    back, from the event before them on, nor leaves what is possible."""
+    if first == stop:
         return True
-    if len(t) >= EVENTS_MIN and are_readable(t, x, y, p):
-        column, row, polarity, goes_back = extremes(t, x, y, p)
+    # With some that have been verified before, few events are looked at as quickly as many.
+    begin = max(0, min(first - 1, stop - EVENTS_MIN))
+    if stop - begin >= EVENTS_MIN and are_readable(t, x, y, p):
+        column, row, polarity, goes_back = extremes(t, x, y, p, begin, stop)
     else:
-        column, row, polarity, goes_back = _extremes_of_any(t, x, y, p)
-    fit = column < width and row < height and polarity <= 1
-    return bool(fit and not goes_back and earliest_ns <= t[0] and t[0] > BEFORE_ALL_NS and t[-1] < TIME_MAX_NS)
+        column, row, polarity, goes_back = _extremes_of_any(t, x, y, p, begin, stop)
+    fit_sensor = column < width and row < height and polarity <= 1
+    return bool(fit_sensor and not goes_back and t[first] > BEFORE_ALL_NS and t[stop - 1] < TIME_MAX_NS)
 
 
 @kernel_part
 def _extremes_of_any(
-    t: npt.NDArray[np.int64], x: npt.NDArray[np.uint16], y: npt.NDArray[np.uint16], p: npt.NDArray[np.uint8]
+    t: npt.NDArray[np.int64],
+    x: npt.NDArray[np.uint16],
+    y: npt.NDArray[np.uint16],
+    p: npt.NDArray[np.uint8],
+    first: int,
+    stop: int,
 ) -> tuple[int, int, int, bool]:
     """`extremes` of any arrays of integers of the right sizes, and of few events."""
     # One loop an array, by index, without early exit: the compiler vectorises these and nothing else. What is negative,
     # in arrays of signed integers, is far off the sensor as an unsigned one.
     x_max, y_max, p_max = np.uint16(0), np.uint16(0), np.uint8(0)
-    for i in range(len(x)):
+    for i in range(first, stop):
         x_max = np.uint16(max(x_max, np.uint16(x[i])))
-    for i in range(len(y)):
+    for i in range(first, stop):
         y_max = np.uint16(max(y_max, np.uint16(y[i])))
-    for i in range(len(p)):
+    for i in range(first, stop):
         p_max = np.uint8(max(p_max, np.uint8(p[i])))
     steps_back = 0
-    for i in range(1, len(t)):
+    for i in range(first + 1, stop):
         steps_back += t[i] < t[i - 1]
     return int(x_max), int(y_max), int(p_max), steps_back != 0
 

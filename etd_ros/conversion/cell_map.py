@@ -101,6 +101,7 @@ def source_digest() -> str:
         "nzge.py",
         "readout.py",
         "slots.py",
+        "tile_tables.py",
         "tiles.py",
         "twins.py",
         "vectors.py",

@@ -1,4 +1,4 @@
-"""What is largest in a batch's arrays, and whether its times ever go back, 32 events at a time.
+"""What is largest in a part of a batch, and whether its times ever go back, 32 events at a time.
 
 The compiler would take a loop for each array, in steps of up to 128 events, and what is left one by one: most of the
 events of a small message.
@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 from etd_ros.conversion.vectors import BIT, BYTE, HALF, LONG, all_lanes, items, largest_lane, vector_at
 
 Extremes: TypeAlias = (
-    "Callable[[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint16], npt.NDArray[np.uint8]],"
+    "Callable[[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint16], npt.NDArray[np.uint8], int, int],"
     " tuple[int, int, int, bool]]"
 )
 
@@ -32,39 +32,38 @@ EVENTS_MIN = EVENTS_AT_ONCE + 1
 _HALVES, _BYTES = (ir.VectorType(kind, EVENTS_AT_ONCE) for kind in (HALF, BYTE))
 _LONGS_AT_ONCE = 8
 _LONGS, _BITS = (ir.VectorType(kind, _LONGS_AT_ONCE) for kind in (LONG, BIT))
-_ZERO, _STEP = ir.Constant(LONG, 0), ir.Constant(LONG, EVENTS_AT_ONCE)
+_STEP = ir.Constant(LONG, EVENTS_AT_ONCE)
 
 
 def _are_readable(_typing: Any, t: Any, x: Any, y: Any, p: Any) -> Any:
     def generate(context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:
-        return context.get_constant(types.boolean, _have_right_types(signature))
+        return context.get_constant(types.boolean, _have_right_types(signature.args))
 
     return types.boolean(t, x, y, p), generate
 
 
-def _have_right_types(signature: Any) -> bool:
+def _have_right_types(arrays: Any) -> bool:
     dtypes = types.int64, types.uint16, types.uint16, types.uint8
-    return all(
-        array.dtype == dtype and array.layout == "C" for array, dtype in zip(signature.args, dtypes, strict=True)
-    )
+    return all(array.dtype == dtype and array.layout == "C" for array, dtype in zip(arrays, dtypes, strict=True))
 
 
-def _extremes(_typing: Any, t: Any, x: Any, y: Any, p: Any) -> Any:
+def _extremes(_typing: Any, t: Any, x: Any, y: Any, p: Any, first: Any, stop: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        if not _have_right_types(signature):
+        *arrays, first_, stop_ = zip(signature.args, arguments, strict=True)
+        if not _have_right_types([kind for kind, _ in arrays]):
             return context.get_constant_null(signature.return_type)
-        times, *numbers = (items(context, builder, *array) for array in zip(signature.args, arguments, strict=True))
-        count = context.make_array(signature.args[0])(context, builder, arguments[0]).nitems
+        times, *numbers = (items(context, builder, kind, array) for kind, array in arrays)
+        begin, end = (bound for _, bound in (first_, stop_))
         kinds = (_HALVES, _HALVES, _BYTES)
         largest = [alloca_once_value(builder, all_lanes(kind, 0)) for kind in kinds]  # type: ignore[no-untyped-call]
         goes_back = alloca_once_value(builder, all_lanes(_BITS, 0))  # type: ignore[no-untyped-call]
-        with for_range_slice(builder, _ZERO, count, _STEP, LONG) as (index, _):
+        with for_range_slice(builder, begin, end, _STEP, LONG) as (index, _):
             # The last events are looked at together with some that have been before.
-            place = _at_most(builder, index, builder.sub(count, _STEP))
+            place = _at_most(builder, index, builder.sub(end, _STEP))
             for kind, first, so_far in zip(kinds, numbers, largest, strict=True):
                 found, before = builder.load(vector_at(builder, first, place, kind), align=1), builder.load(so_far)
                 builder.store(builder.select(builder.icmp_unsigned(">", found, before), found, before), so_far)
-            pair = _at_most(builder, index, builder.sub(count, ir.Constant(LONG, EVENTS_MIN)))
+            pair = _at_most(builder, index, builder.sub(end, ir.Constant(LONG, EVENTS_MIN)))
             for group in range(0, EVENTS_AT_ONCE, _LONGS_AT_ONCE):
                 earlier, later = (
                     builder.load(
@@ -80,7 +79,8 @@ def _extremes(_typing: Any, t: Any, x: Any, y: Any, p: Any) -> Any:
         return context.make_tuple(builder, signature.return_type, [*maxima, any_back])
 
     result = types.Tuple((types.int64, types.int64, types.int64, types.boolean))  # type: ignore[no-untyped-call]
-    return result(t, x, y, p), generate
+    del first, stop
+    return result(t, x, y, p, types.int64, types.int64), generate
 
 
 def _at_most(builder: Any, number: Any, most: Any) -> Any:
@@ -92,7 +92,8 @@ are_readable = cast("AreReadable", intrinsic(_are_readable))
 uint8. The compiler knows it."""
 
 extremes = cast("Extremes", intrinsic(_extremes))
-"""extremes(t, x, y, p): the largest column, row and polarity of a batch, and whether a time is before the last one's.
+"""extremes(t, x, y, p, first, stop): the largest column, row and polarity of events first .. stop - 1, and whether a
+time is before that of the event before it among these.
 
-The arrays must be readable and of at least EVENTS_MIN events.
+The arrays must be readable, and there must be at least EVENTS_MIN of these events.
 """

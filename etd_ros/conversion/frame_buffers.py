@@ -39,7 +39,7 @@ def written_from(level_bytes: int) -> int:
 class _Buffer:
     """An array, and the frame's data that lie in it."""
 
-    __slots__ = ("_data_references", "_memory_references", "data", "memory")
+    __slots__ = ("data", "data_references", "memory", "memory_references")
 
     def __init__(self, shape: tuple[int, int, int], groups: int, content: FrameData | None = None) -> None:
         level_bytes = math.prod(shape)
@@ -49,18 +49,12 @@ class _Buffer:
         self.data = self.memory[:level_bytes].reshape(shape)
         self.data.flags.writeable = False
         # Measured, because interpreters differ in what they count.
-        self._data_references, self._memory_references = getrefcount(self.data), getrefcount(self.memory)
+        self.data_references, self.memory_references = getrefcount(self.data), getrefcount(self.memory)
 
     def __reduce__(self) -> tuple[type[_Buffer], tuple[tuple[int, ...], int, FrameData]]:
         """For copies of a converter: as copied each for itself, the data would no longer lie in the memory."""
         groups = len(self.memory) // WORD_BYTES - SPARE_WORDS - self.data.size // WORD_BYTES
         return _Buffer, (self.data.shape, groups, self.memory)
-
-    @property
-    def is_free(self) -> bool:
-        """Whether nobody holds the data, nor a part of them, which refers to the memory."""
-        is_whole_free = getrefcount(self.data) == self._data_references
-        return is_whole_free and getrefcount(self.memory) == self._memory_references
 
 
 class FrameBuffers:
@@ -87,12 +81,15 @@ class FrameBuffers:
         one when it is handed the next: so two are enough for it, and stay in the processor's near memory.
         """
         buffers = self._buffers
-        self._turn = (self._turn + 1) % len(buffers)
-        if not buffers[self._turn].is_free:
+        turn = self._turn = (self._turn + 1) % len(buffers)
+        buffer = buffers[turn]
+        # Somebody holds the data, or a part of them, which refers to the memory.
+        if getrefcount(buffer.data) != buffer.data_references or getrefcount(buffer.memory) != buffer.memory_references:
             have_all = len(buffers) == BUFFERS_MAX
-            buffers[self._turn : self._turn + have_all] = [_Buffer(self._shape, self._groups)]
-        self.unfinished = buffers[self._turn]
-        return self.unfinished
+            buffer = _Buffer(self._shape, self._groups)
+            buffers[turn : turn + have_all] = [buffer]
+        self.unfinished = buffer
+        return buffer
 
     def hand_out(self) -> FrameData:
         """The data of the frame that has been written, read-only, shape (height, width, 2)."""

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from numba import from_dtype
 
 from etd_ros.borrowing_kernel import borrowing_kernel, kernel_part
-from etd_ros.conversion.adding import add_events
-from etd_ros.conversion.batches import BEFORE_ALL_NS, follows
+from etd_ros.conversion.adding import add_events, begin_block
+from etd_ros.conversion.batches import BEFORE_ALL_NS, can_follow
 from etd_ros.conversion.cell_map import DURATION_MAX_NS, CellMap, CellStore, borrowed_cells, source_digest
 from etd_ros.conversion.readout import read_levels
 from etd_ros.direct_kernel import (
@@ -68,8 +68,9 @@ NEW_BATCH = -1
 
 NO_END, BY_NZGE, BY_TIME, LATE, NOT_FOLLOWING, NOT_PLAIN = 0, 1, 2, 3, -1, -2
 """What came of adding a batch's events. They have all been added, and no frame has ended; one has, by its NZGE, or by
-its longest duration; an event is later than that, and `finish` is to end the frame, or no event is in it yet; no event
-can be added; nothing is known of these arrays by `advance_plain`."""
+its longest duration; an event is later than that, and `finish` is to end the frame, or no event is in it yet; one of a
+block of events does not fit, and none of that block has been added; nothing is known of these arrays by
+`advance_plain`."""
 
 Step: TypeAlias = tuple[int, int, int, float, int]
 """What came of adding events (`NO_END` and so on); the first event not added; the time of the one that has ended the
@@ -91,6 +92,8 @@ STATE_DTYPE = np.dtype(
         ("unsure", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
+        ("block_first", "<i8"),
+        ("block_stop", "<i8"),
         ("previous_ns", "<i8"),
         ("min_duration_ns", "<i8"),
         ("max_duration_ns", "<i8"),
@@ -107,12 +110,15 @@ check: its event (0: none yet), what the sum had lost, how much more it may have
 events but no entropy. From which event on NZGE may have reached alpha (`near`, 0: it has not yet). Exact checks that
 found less than alpha.
 
+The first event of the block of the batch whose slots the map holds, and the one behind its last: frames end within
+blocks, which are not begun anew for the next one.
+
 The time of the stream's last event. What ends a frame: NZGE of alpha or more, looked for every `check_stride` events,
 min_duration_ns after the frame's start at the earliest, or max_duration_ns. All this lies here, as an array costs
 Python less to hand over than a number each. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
 """Of a frame that nothing ends but its longest duration."""
 
 
@@ -205,8 +211,9 @@ def advance(
 ) -> Step:
     """Add events to the frame that started at start_ns until the state says that it ends, or the batch is over.
 
-    A `NEW_BATCH` is verified before, all of it, as one that follows the stream's last event: many batches are so small
-    that a call of its own for it would cost as much as their events.
+    A `NEW_BATCH` has to follow the stream's last event. Its events are verified here, block by block (`begin_block`):
+    many batches are so small that a call of its own for it would cost as much as their events, and large ones would be
+    read twice from a memory that is far.
 
     Returns:
         See `Step`. A frame that has ended is in data, and the next one has begun.
@@ -228,23 +235,33 @@ def _advance(
 ) -> Step:
     cells = borrowed_cells(store)
     if first == NEW_BATCH:
-        if not follows(t, x, y, p, len(cells.column_slot), len(cells.row_slot), state[0].previous_ns):
+        if not can_follow(t, x, y, p, state[0].previous_ns):
             return NOT_FOLLOWING, 0, 0, 0.0, 0
         if len(t) == 0:
             return NO_END, 0, 0, 0.0, state[0].events
-        state[0].previous_ns = t[-1]
         first = 0
+        state[0].block_first, state[0].block_stop = 0, 0
     alpha, check_stride = state[0].alpha, state[0].check_stride
     earliest_ns = start_ns + state[0].min_duration_ns
     stop = _first_after(t, first, start_ns + state[0].max_duration_ns)
-    i, block = first, (first, first)
+    i, block_first, block_stop = first, state[0].block_first, state[0].block_stop
+    if not block_first <= i <= block_stop:
+        # Another batch has come meanwhile, which should not be: no slots but those of a block may be taken.
+        block_first, block_stop = i, i
     if state[0].events == 0:
         state[0].next = check_stride
     while True:
-        part = min(stop, i + state[0].next - state[0].events)
-        block = add_events(cells, state, t, x, y, p, i, part, start_ns, block)
+        if i == block_stop and i < len(t):
+            # It goes on beyond the next check, as the frame or the next one most likely does.
+            block_first, block_stop = i, min(i + len(cells.slots), len(t))
+            if not begin_block(cells, state, t, x, y, p, block_first, block_stop):
+                return NOT_FOLLOWING, i, 0, 0.0, 0
+        part = min(stop, block_stop, i + state[0].next - state[0].events)
+        add_events(cells, state, t, x, y, p, i, part, start_ns, block_first)
         i = part
         events = state[0].events
+        if i == block_stop and i < len(t) and events < state[0].next:
+            continue
         # Short of the next check the batch is over, or an event has come after the longest duration.
         is_late = events < state[0].next
         if is_late and i == len(t):

@@ -9,8 +9,9 @@ from etd_ros.borrowing_kernel import kernel_part
 from etd_ros.conversion.bits import count_bits, lowest_bit
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, PARTIAL, TILE_SIDE, CellMap
 from etd_ros.conversion.frame_buffers import written_from
+from etd_ros.conversion.tile_tables import FEW_EVENTS, tile_tables
 from etd_ros.conversion.tiles import clear_row, fetch_tile, slots_of_level, tile_levels, tiles_with_events, write_tile
-from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
+from etd_ros.conversion.twins import pairs_of_few
 
 FEW_TWINS = 2
 """So many pairs of pixels of one level are two pixels each; three may be three pixels."""
@@ -48,22 +49,30 @@ def read_levels(
     # Fewer than the pixels of a channel: these cells have entropy.
     few_events = min(FEW_EVENTS, len(cells.loss) - 2)
     cells.seen[:] = 0
+    tables = tile_tables()
+    level_bytes = row_bytes * _U64(len(cells.row_slot))
+    written = data[written_from(int(level_bytes)) :].view(np.uint64)
     if not of_sample:
-        _clear_old_tiles(cells, data, row_bytes)
+        _clear_partial_tiles(cells, data, row_bytes, written)
     pairs, lost, without_entropy = np.int64(0), 0.0, 0
     for k in range(_U64(len(cells.sample))):
         first = k * _U64(GROUP_TILES)
         group = tiles_with_events(words, first)
         if of_sample:
             group &= cells.sample[k]
+        else:
+            _clear_old_tiles(cells, data, row_bytes, first, _U64(written[k] & cells.whole[k] & _U64(~group)))
+            written[k] = group
         while group:
             tile = first | lowest_bit(group)
             group = _U64(group & _U64(group - _U64(1)))
-            twins = np.int64(tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels, not is_full))
+            twins = np.int64(
+                tile_levels(cells.last, tile << _U64(5), words[tile], slope, offset, levels, not is_full, tables)
+            )
             if not of_sample:
                 byte = _U64(cells.tile_byte[tile])
                 if byte < PARTIAL:
-                    write_tile(levels, data, byte, row_bytes)
+                    write_tile(levels, data, byte, row_bytes, tables)
                 else:
                     _write_pixels(cells, words[tile], data, byte - _U64(PARTIAL))
             if is_full:
@@ -72,9 +81,11 @@ def read_levels(
                 lost += loss
                 without_entropy += without
             elif twins <= pairs_max:
-                pairs += twins & -np.int64(is_counted[tile])
+                if not cells.is_plain:
+                    twins &= -np.int64(is_counted[tile])
+                pairs += twins
             elif pairs_max == FEW_TWINS and count_bits(words[tile]) <= few_events:
-                lost += _lost_by_pairs(cells, tile)
+                lost += _lost_by_pairs(cells, tile, tables)
             else:
                 loss, without = _lost_by_twins(cells, tile)
                 lost += loss
@@ -83,21 +94,31 @@ def read_levels(
 
 
 @kernel_part
-def _clear_old_tiles(cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64) -> None:
-    """Clear the tiles that an earlier frame has written into data and this one will not, or not all of; note those that
-    it will.
+def _clear_old_tiles(
+    cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64, first: np.uint64, old: np.uint64
+) -> None:
+    """Clear tiles of a group that begins with tile `first`, which all have their 4 x 4 pixels."""
+    while old:
+        byte = _U64(cells.tile_byte[first | lowest_bit(old)])
+        old = _U64(old & _U64(old - _U64(1)))
+        for _ in range(TILE_SIDE):
+            clear_row(data, byte)
+            byte += row_bytes
 
-    Of a tile that does not have all of its 4 x 4 pixels, others may be cleared with it: all before any is written.
+
+@kernel_part
+def _clear_partial_tiles(
+    cells: CellMap, data: npt.NDArray[np.uint8], row_bytes: np.uint64, written: npt.NDArray[np.uint64]
+) -> None:
+    """Clear the tiles that an earlier frame has written into data and that do not have all of their 4 x 4 pixels.
+
+    Others may be cleared with them: all before any is written.
     """
     level_bytes = row_bytes * _U64(len(cells.row_slot))
-    written = data[written_from(int(level_bytes)) :].view(np.uint64)
     for k in range(_U64(len(written))):
-        first = k * _U64(GROUP_TILES)
-        group = tiles_with_events(cells.words, first)
-        old = _U64(written[k] & _U64(~_U64(group & cells.whole[k])))
-        written[k] = group
+        old = _U64(written[k] & _U64(~cells.whole[k]))
         while old:
-            byte = _U64(cells.tile_byte[first | lowest_bit(old)]) & _U64(PARTIAL - 1)
+            byte = _U64(cells.tile_byte[(k * _U64(GROUP_TILES)) | lowest_bit(old)]) & _U64(PARTIAL - 1)
             old = _U64(old & _U64(old - _U64(1)))
             for _ in range(TILE_SIDE):
                 if byte < level_bytes:
@@ -142,11 +163,11 @@ def _lost_by_twins(cells: CellMap, tile: np.uint64) -> tuple[float, int]:
 
 
 @kernel_part
-def _lost_by_pairs(cells: CellMap, cell: np.uint64) -> float:
+def _lost_by_pairs(cells: CellMap, cell: np.uint64, tables: np.uint64) -> float:
     """What the entropies of a cell of one tile and few events lose by levels that come twice or more."""
     if not cells.is_counted[cell]:
         return 0.0
-    pairs, lost = pairs_of_few(cells.levels, cells.words[cell]), 0.0
+    pairs, lost = pairs_of_few(cells.levels, cells.words[cell], tables), 0.0
     for earlier in range(_U64(1), _U64(FEW_EVENTS)):
         same = _U32(pairs & _U64((_U64(1) << earlier) - _U64(1)))
         lost += cells.loss[count_bits(same)]

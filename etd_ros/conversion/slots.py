@@ -16,12 +16,19 @@ from numba.core.cgutils import for_range_slice
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, LANES, TILE_SIDE, TILE_SLOTS
-from etd_ros.conversion.vectors import LONG, WORD, all_lanes, item_at, items, vector_at
+from etd_ros.conversion.vectors import LONG, WORD, all_lanes, fetch, item_at, items, vector_at
 
 FindSlots: TypeAlias = (
     "Callable[[npt.NDArray[np.uint16], npt.NDArray[np.uint16], npt.NDArray[np.uint8], np.uint64, np.uint64, np.uint32,"
     " npt.NDArray[np.uint32]], None]"
 )
+FetchEvents: TypeAlias = (
+    "Callable[[npt.NDArray[np.int64], npt.NDArray[np.uint16], npt.NDArray[np.uint16], npt.NDArray[np.uint8],"
+    " np.uint64], None]"
+)
+
+LINE_BYTES = 64
+"""Of the processor's near memory: 64 events have as many lines of a column as an item of it has bytes."""
 
 _LANES = ir.VectorType(WORD, LANES)
 _SIDE_BITS = TILE_SIDE.bit_length() - 1
@@ -79,6 +86,24 @@ def _find_slots(_typing: Any, x: Any, y: Any, p: Any, first: Any, number: Any, c
     return types.void(x, y, p, types.uint64, types.uint64, types.uint32, slots), generate
 
 
+def _fetch_events(_typing: Any, t: Any, x: Any, y: Any, p: Any, first: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        *events, first_ = arguments
+        for kind, array in zip(signature.args, events, strict=False):
+            item_bytes = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+            for line in range(item_bytes if kind.layout == "C" else 0):
+                place = builder.add(first_, ir.Constant(LONG, line * LINE_BYTES // item_bytes))
+                fetch(builder, builder.gep(items(context, builder, kind, array), [place]), to_write=False)
+        return context.get_dummy_value()
+
+    del first
+    return types.void(t, x, y, p, types.uint64), generate
+
+
 find_slots = cast("FindSlots", intrinsic(_find_slots))
 """find_slots(x, y, p, first, number, cell_columns, slots): the slots of events first .. first + number - 1, a multiple
 of 16, of a map with so many cells in a row; put into `slots` from its beginning on."""
+
+fetch_events = cast("FetchEvents", intrinsic(_fetch_events))
+"""fetch_events(t, x, y, p, first): have 64 events, of which some may be beyond the last, brought near where their
+arrays are contiguous."""

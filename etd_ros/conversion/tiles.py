@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -13,6 +13,17 @@ from numba.core.cgutils import alloca_once_value
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, GROUP_TILES, TILE_SIDE, TILE_SLOTS
+from etd_ros.conversion.tile_tables import (
+    FIXED_ERROR,
+    FIXED_ONE,
+    NEAR_NEXT,
+    ONES,
+    UNWOVEN_LOW_BYTES,
+    WHOLE_PART,
+    WOVEN,
+    pick_bytes,
+    vector_of,
+)
 from etd_ros.conversion.twins import count_twins
 from etd_ros.conversion.vectors import (
     BIT,
@@ -32,18 +43,13 @@ from etd_ros.conversion.vectors import (
 
 TilesWithEvents: TypeAlias = "Callable[[npt.NDArray[np.uint32], np.uint64], np.uint64]"
 TileLevels: TypeAlias = (
-    "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8], bool], np.uint32]"
+    "Callable[[npt.NDArray[np.int32], np.uint64, np.uint32, float, float, npt.NDArray[np.uint8], bool, np.uint64],"
+    " np.uint32]"
 )
 FetchTile: TypeAlias = "Callable[[npt.NDArray[np.int32], np.uint64], None]"
 SlotsOfLevel: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint8], np.uint32]"
 ClearRow: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint64], None]"
-WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64], None]"
-
-FIXED_ONE = 2**16
-"""1 in the fixed-point numbers that levels are worked out in first."""
-FIXED_ERROR = 8
-"""More than such a number is off by (4 at most), a power of two: the largest has 24 bits, as many as 32-bit floating
-point has of the time, the slope and their product."""
+WriteTile: TypeAlias = "Callable[[npt.NDArray[np.uint8], npt.NDArray[np.uint8], np.uint64, np.uint64, np.uint64], None]"
 
 _ZERO = ir.Constant(LONG, 0)
 _BITS, _BYTES, _WORDS, _FLOATS, _DOUBLES = (
@@ -53,13 +59,11 @@ _GROUP = ir.VectorType(WORD, GROUP_TILES)
 _CHANNEL, _HALVES = ir.VectorType(WORD, CHANNEL_SLOTS), ir.VectorType(ir.IntType(16), TILE_SLOTS)
 
 _ON_SLOTS, _OFF_SLOTS = list(range(CHANNEL_SLOTS)), list(range(CHANNEL_SLOTS, TILE_SLOTS))
-_UNWOVEN = [2 * place + channel for channel in (0, 1) for place in range(CHANNEL_SLOTS)]
 _HALF = all_lanes(_CHANNEL, 16)
-_ABOVE_ERROR = all_lanes(_HALVES, 2 * -FIXED_ERROR & FIXED_ONE - 1)
 
 
-def _mask(slots: list[int]) -> ir.Constant:
-    return ir.Constant(ir.VectorType(WORD, len(slots)), slots)
+def _mask(slots: Sequence[int]) -> ir.Constant:
+    return ir.Constant(ir.VectorType(WORD, len(slots)), list(slots))
 
 
 def _in_each_slot(builder: Any, value: Any) -> Any:
@@ -68,7 +72,7 @@ def _in_each_slot(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, undefined, _mask([0] * TILE_SLOTS))
 
 
-def _levels(context: Any, builder: Any, times: Any, word: Any, slope: Any, offset: Any) -> Any:
+def _levels(context: Any, builder: Any, times: Any, word: Any, slope: Any, offset: Any, tables: Any) -> Any:
     """In 32 bits, 16 of them behind the point, if no slot is so near to where a level begins that the error of that
     matters: hardly any is. Else in 64. Times without an event are old ones, whose levels may be anything: the last
     selection drops those."""
@@ -79,16 +83,19 @@ def _levels(context: Any, builder: Any, times: Any, word: Any, slope: Any, offse
     # By turns a half of On, below, and one of Off.
     whole_on, fraction_off = builder.lshr(on, _HALF), builder.shl(off, _HALF)
     whole_on, fraction_off = (as_it_is(context, builder, halves) for halves in (whole_on, fraction_off))
-    whole_parts = builder.or_(whole_on, builder.and_(off, all_lanes(_CHANNEL, -FIXED_ONE)))
-    fractions = builder.or_(builder.and_(on, all_lanes(_CHANNEL, FIXED_ONE - 1)), fraction_off)
+    whole = vector_of(builder, tables, WHOLE_PART, CHANNEL_SLOTS)
+    whole_parts = builder.or_(whole_on, builder.and_(off, whole))
+    fractions = builder.or_(builder.and_(on, builder.not_(whole)), fraction_off)
     whole_parts, fractions = (as_it_is(context, builder, halves) for halves in (whole_parts, fractions))
     fractions = builder.bitcast(fractions, _HALVES)
-    levels = alloca_once_value(builder, _low_bytes(builder, whole_parts))  # type: ignore[no-untyped-call]
-    near_next = builder.icmp_unsigned("==", builder.and_(fractions, _ABOVE_ERROR), all_lanes(_HALVES, 0))
+    bytes_ = builder.bitcast(whole_parts, ir.VectorType(BYTE, 2 * TILE_SLOTS))
+    low_bytes = pick_bytes(context, builder, bytes_, tables, UNWOVEN_LOW_BYTES)
+    levels = alloca_once_value(builder, low_bytes)  # type: ignore[no-untyped-call]
+    near_next = builder.icmp_unsigned("<", fractions, vector_of(builder, tables, NEAR_NEXT, TILE_SLOTS))
     unsure = builder.and_(builder.bitcast(near_next, WORD), _woven_bits(context, builder, word))
     with builder.if_then(builder.icmp_unsigned("!=", unsure, ir.Constant(WORD, 0)), likely=False):
         builder.store(builder.trunc(_rounded(builder, times, _DOUBLES, slope, offset), _BYTES), levels)
-    found, one = builder.load(levels), all_lanes(_BYTES, 1)
+    found, one = builder.load(levels), vector_of(builder, tables, ONES, TILE_SLOTS)
     at_least_one = builder.select(builder.icmp_unsigned("<", found, one), one, found)
     return builder.select(have_events, at_least_one, all_lanes(_BYTES, 0))
 
@@ -110,14 +117,7 @@ def _woven_bits(context: Any, builder: Any, word: Any) -> Any:
         off = builder.lshr(word, ir.Constant(WORD, CHANNEL_SLOTS))
         return builder.or_(spread_bits(builder, word, 0x55555555), spread_bits(builder, off, 0xAAAAAAAA))
     bits = builder.bitcast(word, _BITS)
-    woven = [channel + place for place in range(CHANNEL_SLOTS) for channel in (0, CHANNEL_SLOTS)]
-    return builder.bitcast(builder.shuffle_vector(bits, bits, _mask(woven)), WORD)
-
-
-def _low_bytes(builder: Any, woven: Any) -> Any:
-    """The lower byte of each half, On before Off: one instruction on AVX-512 with VBMI, as both lie in one vector."""
-    parts = builder.bitcast(woven, ir.VectorType(BYTE, 2 * TILE_SLOTS))
-    return builder.shuffle_vector(parts, parts, _mask([2 * half for half in _UNWOVEN]))
+    return builder.bitcast(builder.shuffle_vector(bits, bits, _mask(WOVEN.numbers)), WORD)
 
 
 def _tiles_with_events(_typing: Any, words: Any, first: Any) -> Any:
@@ -131,22 +131,22 @@ def _tiles_with_events(_typing: Any, words: Any, first: Any) -> Any:
 
 
 def _tile_levels(
-    _typing: Any, last: Any, slot: Any, word: Any, slope: Any, offset: Any, levels: Any, with_twins: Any
+    _typing: Any, last: Any, slot: Any, word: Any, slope: Any, offset: Any, levels: Any, with_twins: Any, tables: Any
 ) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        _, slot_, word_, slope_, offset_, _, with_twins_ = arguments
+        _, slot_, word_, slope_, offset_, _, with_twins_, tables_ = arguments
         last_, levels_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 5))
         times = builder.load(vector_at(builder, last_, slot_, _WORDS), align=4)
-        found = _levels(context, builder, times, word_, slope_, offset_)
+        found = _levels(context, builder, times, word_, slope_, offset_, tables_)
         builder.store(found, vector_at(builder, levels_, _ZERO, _BYTES), align=1)
         twins = alloca_once_value(builder, ir.Constant(WORD, 0))  # type: ignore[no-untyped-call]
         with builder.if_then(with_twins_, likely=True):
-            builder.store(count_twins(context, builder, found, word_), twins)
+            builder.store(count_twins(context, builder, found, word_, tables_), twins)
         return builder.load(twins)
 
-    del slot, word, slope, offset, with_twins
-    arguments = (last, types.uint64, types.uint32, types.float64, types.float64, levels, types.boolean)
-    return types.uint32(*arguments), generate
+    del slot, word, slope, offset, with_twins, tables
+    numbers = (types.uint64, types.uint32, types.float64, types.float64)
+    return types.uint32(last, *numbers, levels, types.boolean, types.uint64), generate
 
 
 def _fetch_tile(_typing: Any, last: Any, slot: Any) -> Any:
@@ -172,13 +172,13 @@ def _slots_of_level(_typing: Any, levels: Any, level: Any) -> Any:
     return types.uint32(levels, types.uint8), generate
 
 
-def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any) -> Any:
+def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any, tables: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        _, _, byte_, row_bytes_ = arguments
+        _, _, byte_, row_bytes_, tables_ = arguments
         levels_, data_ = (items(context, builder, signature.args[k], arguments[k]) for k in (0, 1))
         found = builder.load(vector_at(builder, levels_, _ZERO, _BYTES), align=1)
-        woven = [channel + place for place in range(CHANNEL_SLOTS) for channel in (0, CHANNEL_SLOTS)]
-        rows = builder.bitcast(builder.shuffle_vector(found, found, _mask(woven)), ir.VectorType(DOUBLE, TILE_SIDE))
+        woven = pick_bytes(context, builder, found, tables_, WOVEN)
+        rows = builder.bitcast(woven, ir.VectorType(DOUBLE, TILE_SIDE))
         rows = as_it_is(context, builder, rows)
         for row in range(TILE_SIDE):
             # Numbers with a point only in name: the processor stores the upper half of a vector of those as it lies.
@@ -187,8 +187,8 @@ def _write_tile(_typing: Any, levels: Any, data: Any, byte: Any, row_bytes: Any)
             byte_ = builder.add(byte_, row_bytes_)
         return context.get_dummy_value()
 
-    del byte, row_bytes
-    return types.void(levels, data, types.uint64, types.uint64), generate
+    del byte, row_bytes, tables
+    return types.void(levels, data, types.uint64, types.uint64, types.uint64), generate
 
 
 def _clear_row(_typing: Any, data: Any, byte: Any) -> Any:
@@ -205,8 +205,8 @@ tiles_with_events = cast("TilesWithEvents", intrinsic(_tiles_with_events))
 """tiles_with_events(words, first): a bit for each of the 64 words from the first on that is not 0, lowest first."""
 
 tile_levels = cast("TileLevels", intrinsic(_tile_levels))
-"""tile_levels(last, slot, word, slope, offset, levels, with_twins): how many pairs of pixels of a channel have the same
-level, 0 where that is not asked for.
+"""tile_levels(last, slot, word, slope, offset, levels, with_twins, tables): how many pairs of pixels of a channel have
+the same level, 0 where that is not asked for; tables are what `tile_tables` returns.
 
 The levels max(1, int(last * slope + offset)) of the 32 slots from `slot` on, 0 where the word has no bit, are put into
 `levels`.
@@ -219,8 +219,8 @@ slots_of_level = cast("SlotsOfLevel", intrinsic(_slots_of_level))
 """slots_of_level(levels, level): a bit for each of a tile's 32 slots that has this level, lowest first."""
 
 write_tile = cast("WriteTile", intrinsic(_write_tile))
-"""write_tile(levels, data, byte, row_bytes): put a tile's levels into a frame's data, flat: four rows of 8 bytes, which
-have On and Off of a pixel beside each other."""
+"""write_tile(levels, data, byte, row_bytes, tables): put a tile's levels into a frame's data, flat: four rows of 8
+bytes, which have On and Off of a pixel beside each other."""
 
 clear_row = cast("ClearRow", intrinsic(_clear_row))
 """clear_row(data, byte): clear 8 bytes of a frame's data, flat: a row of a tile."""

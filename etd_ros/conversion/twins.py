@@ -13,26 +13,21 @@ import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba import types
-from numba.core.cgutils import alloca_once_value, get_or_insert_function, global_constant
+from numba.core.cgutils import alloca_once_value, get_or_insert_function
 from numba.extending import intrinsic
 
 from etd_ros.conversion.cell_map import CHANNEL_SLOTS, TILE_SLOTS
-from etd_ros.conversion.vectors import BIT, BYTE, LONG, WORD, all_lanes, as_it_is, has_features, items, vector_at
+from etd_ros.conversion.tile_tables import EARLIER, FEW_EVENTS, LATER, PAIRS_IN_CHANNELS, number_of, pick_bytes
+from etd_ros.conversion.vectors import BIT, BYTE, LONG, WORD, all_lanes, has_features, items, vector_at
 
-PairsOfFew: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint32], np.uint64]"
-
-FEW_EVENTS = 11
-"""Events that have no more pairs than a word has bits."""
-
-_PAIRS = [(earlier, later) for later in range(FEW_EVENTS) for earlier in range(later)]
-_SPARE_LANES = [(0, 0)] * (LONG.width - len(_PAIRS))
+PairsOfFew: TypeAlias = "Callable[[npt.NDArray[np.uint8], np.uint32, np.uint64], np.uint64]"
 
 _ZERO = ir.Constant(LONG, 0)
 _BITS, _BYTES = (ir.VectorType(kind, TILE_SLOTS) for kind in (BIT, BYTE))
 _TWO_TILES = ir.VectorType(BYTE, 2 * TILE_SLOTS)
 
 
-def count_twins(context: Any, builder: Any, levels: Any, word: Any) -> Any:
+def count_twins(context: Any, builder: Any, levels: Any, word: Any, tables: Any) -> Any:
     """Number of pairs of slots of one channel that have the same level, other than 0.
 
     Args:
@@ -40,6 +35,7 @@ def count_twins(context: Any, builder: Any, levels: Any, word: Any) -> Any:
         builder: of the function that is being compiled.
         levels: of the 32 slots.
         word: a bit for each slot that has an event; the others have level 0.
+        tables: of `tile_tables`.
     """
     if not _can_move_together(context):
         return _twins_of_all(builder, levels)
@@ -47,7 +43,7 @@ def count_twins(context: Any, builder: Any, levels: Any, word: Any) -> Any:
     twins = alloca_once_value(builder, ir.Constant(WORD, 0))  # type: ignore[no-untyped-call]
     with builder.if_else(is_few, likely=True) as (few, many):
         with few:
-            pairs = _pairs_of_few(context, builder, levels, word)
+            pairs = _pairs_of_few(context, builder, levels, word, tables)
             builder.store(builder.trunc(builder.ctpop(pairs), WORD), twins)
         with many:
             builder.store(_twins_of_all(builder, levels), twins)
@@ -80,51 +76,32 @@ def _twins_of_all(builder: Any, levels: Any) -> Any:
     return builder.trunc(twins, WORD)
 
 
-def _pairs_of_few(context: Any, builder: Any, levels: Any, word: Any) -> Any:
+def _pairs_of_few(context: Any, builder: Any, levels: Any, word: Any, tables: Any) -> Any:
     kind = ir.FunctionType(_BYTES, [_BYTES, _BITS, _BYTES])
     compress = get_or_insert_function(builder.module, kind, f"llvm.experimental.vector.compress.v{TILE_SLOTS}i8")  # type: ignore[no-untyped-call]
     together = builder.call(compress, [levels, builder.bitcast(word, _BITS), all_lanes(_BYTES, 0)])
     wide = builder.shuffle_vector(together, ir.Constant(_BYTES, ir.Undefined), _numbers(list(range(2 * TILE_SLOTS))))
-    kind = ir.FunctionType(_TWO_TILES, [_TWO_TILES, _TWO_TILES])
-    pick = get_or_insert_function(builder.module, kind, "llvm.x86.avx512.permvar.qi.512")  # type: ignore[no-untyped-call]
-    places = (ir.Constant(_TWO_TILES, [pair[which] for pair in _PAIRS + _SPARE_LANES]) for which in (0, 1))
-    # Of places that it knows the compiler makes more instructions than one.
-    earlier, later = (builder.call(pick, [wide, as_it_is(context, builder, place)]) for place in places)
+    earlier, later = (pick_bytes(context, builder, wide, tables, places) for places in (EARLIER, LATER))
     same = builder.bitcast(builder.icmp_unsigned("==", earlier, later), LONG)
     on_events, events = (builder.ctpop(bits) for bits in (builder.and_(word, ir.Constant(WORD, 0xFFFF)), word))
     number = builder.add(builder.mul(on_events, ir.Constant(WORD, FEW_EVENTS + 1)), events)
-    masks = global_constant(builder, "pairs_in_channels", _PAIRS_IN_CHANNELS)  # type: ignore[no-untyped-call]
-    mask = builder.load(builder.gep(masks, [_ZERO, builder.zext(number, LONG)]))
-    return builder.and_(same, mask)
+    return builder.and_(same, number_of(builder, tables, PAIRS_IN_CHANNELS, builder.zext(number, LONG)))
 
 
 def _numbers(numbers: list[int]) -> ir.Constant:
     return ir.Constant(ir.VectorType(WORD, len(numbers)), numbers)
 
 
-def _in_channels(on_events: int, events: int) -> int:
-    """A bit for each of the pairs that one channel holds, where the first `on_events` of the events are On."""
-    held = (later < on_events or on_events <= earlier <= later < events for earlier, later in _PAIRS)
-    return sum(int(is_held) << number for number, is_held in enumerate(held))
-
-
-_EVENTS = range(FEW_EVENTS + 1)
-_PAIRS_IN_CHANNELS = ir.Constant(
-    ir.ArrayType(LONG, len(_EVENTS) ** 2),
-    [_in_channels(on_events, events) for on_events in _EVENTS for events in _EVENTS],
-)
-
-
-def _pairs(_typing: Any, levels: Any, word: Any) -> Any:
+def _pairs(_typing: Any, levels: Any, word: Any, tables: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         first = items(context, builder, signature.args[0], arguments[0])
         found = builder.load(vector_at(builder, first, _ZERO, _BYTES), align=1)
-        return _pairs_of_few(context, builder, found, arguments[1])
+        return _pairs_of_few(context, builder, found, *arguments[1:])
 
-    del word
-    return types.uint64(levels, types.uint32), generate
+    del word, tables
+    return types.uint64(levels, types.uint32, types.uint64), generate
 
 
 pairs_of_few = cast("PairsOfFew", intrinsic(_pairs))
-"""pairs_of_few(levels, word): which of a tile's at most FEW_EVENTS events have the level of an earlier slot's event in
-their channel. A bit for the second event and the first one, two for the third and the first two, and so on."""
+"""pairs_of_few(levels, word, tables): which of a tile's at most FEW_EVENTS events have the level of an earlier slot's
+event in their channel. A bit for the second event and the first one, two for the third and the first two, and so on."""

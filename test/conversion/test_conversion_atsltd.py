@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from etd_ros.conversion import AtsltdConfig, AtsltdConverter, BackgroundActivityFilter, ConversionError, FrameEnd, nzge
 from etd_ros.conversion.accumulator import FrameAccumulator
 from etd_ros.conversion.atsltd import NZGE_MIN
+from etd_ros.conversion.cell_map import BLOCK_EVENTS
 from etd_ros.events import Events
 from etd_ros.parameters import ParameterError
 
@@ -427,6 +428,81 @@ def test_arrays_that_are_not_those_of_events_are_refused_before_a_kernel_writes_
         AtsltdConverter(8, 8).convert(events)
     with pytest.raises(ConversionError, match=message):
         BackgroundActivityFilter(8, 8).filter(events)
+
+
+UNFIT = [
+    ("x", 20, r"\(20, \d+\) .* 20x20 sensor"),
+    ("y", 65535, r"\(\d+, 65535\) .* 20x20 sensor"),
+    ("p", 2, "polarity of 2"),
+    ("t", 0, "goes back 1 times in a batch"),
+    ("t", 2**62, "goes back 1 times in a batch|impossible"),
+]
+"""An event's field, what does not fit there, and what is said of it."""
+
+
+@pytest.mark.parametrize("place", [BLOCK_EVENTS - 1, BLOCK_EVENTS, 3001, 3999])
+@pytest.mark.parametrize(("name", "value", "message"), UNFIT)
+def test_an_event_that_does_not_fit_is_refused_wherever_it_is_and_what_comes_before_its_block_is_not(
+    place, name, value, message
+):
+    events = random_events(12, 4000, 20, 20, 10 * MS)
+    expected = frames_of(AtsltdConverter(20, 20), [events])
+    getattr(events, name)[place] = value
+    converter, frames = AtsltdConverter(20, 20), []
+    with pytest.raises(ConversionError, match=message):
+        frames.extend(converter.convert(events))
+    added = sum(frame.events for frame in frames) + converter._accumulator.events
+    assert place - BLOCK_EVENTS < added <= place
+    assert_same_frames(frames, expected[: len(frames)])
+
+
+@pytest.mark.parametrize("name", ["t", "x", "y", "p"])
+def test_a_converter_that_has_refused_events_converts_the_next_stream_as_a_new_one(name):
+    events = random_events(13, 4000, 20, 20, 10 * MS)
+    expected = frames_of(AtsltdConverter(20, 20), [events])
+    unfit = dataclasses.replace(events, **{name: getattr(events, name).copy()})
+    getattr(unfit, name)[2500] = 99
+    converter = AtsltdConverter(20, 20)
+    with pytest.raises(ConversionError):
+        list(converter.convert(unfit))
+    converter.reset()
+    assert_same_frames(frames_of(converter, [events]), expected)
+
+
+@pytest.mark.parametrize("place", [BLOCK_EVENTS - 1, 700])
+def test_what_a_converter_has_added_of_a_batch_that_it_refuses_belongs_to_the_stream(place):
+    events = random_events(14, 1000, 20, 20, MS)
+    unfit = dataclasses.replace(events, x=events.x.copy())
+    unfit.x[place] = 20
+    converter = AtsltdConverter(20, 20, AtsltdConfig(nzge_interval=(0.9, 0.9)))
+    with pytest.raises(ConversionError):
+        list(converter.convert(unfit))
+    later = dataclasses.replace(events, t=events.t + 50 * MS)
+    long_after = make_events([later.t[0] + 101 * MS], [0], [0], [1], 20, 20)
+    (frame,) = frames_of(converter, [later, long_after])
+    added = place // BLOCK_EVENTS * BLOCK_EVENTS
+    assert frame.start_ns == (events.t[0] if added else later.t[0])
+    assert frame.events == added + len(later)
+
+
+def test_an_iterator_that_a_later_batch_has_overtaken_does_no_harm():
+    events = random_events(15, 4000, 20, 20, 10 * MS)
+    expected = frames_of(AtsltdConverter(20, 20), [events])
+    converter = AtsltdConverter(20, 20)
+    overtaken = converter.convert(events)
+    next(overtaken)
+    list(converter.convert(dataclasses.replace(events[:7], t=events.t[:7] + 20 * MS)))
+    list(overtaken)
+    converter.reset()
+    assert_same_frames(frames_of(converter, [events]), expected)
+
+
+def test_a_late_batch_that_does_not_fit_does_not_end_the_frame():
+    converter = AtsltdConverter(8, 8)
+    list(converter.convert(make_events([100], [0], [0], [1], 8, 8)))
+    with pytest.raises(ConversionError, match=r"\(8, 0\)"):
+        converter.convert(make_events([10**9], [8], [0], [1], 8, 8))
+    assert converter._accumulator.events == 1
 
 
 def test_batch_that_goes_back_in_time_is_refused():

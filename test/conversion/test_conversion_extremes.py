@@ -1,4 +1,4 @@
-"""What is largest in a batch, against NumPy."""
+"""What is largest in a part of a batch, against NumPy."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ COUNTS = (EVENTS_MIN, 34, 63, 64, 65, 97, 130)
 
 
 @borrowing_kernel
-def of_kernel(t, x, y, p):
-    return extremes(t, x, y, p)
+def of_kernel(t, x, y, p, first, stop):
+    return extremes(t, x, y, p, first, stop)
 
 
 @borrowing_kernel
@@ -38,7 +38,7 @@ def batch(count, seed=0):
 def test_it_finds_what_numpy_finds(count):
     for seed in range(20):
         arrays = batch(count, seed)
-        assert of_kernel(*arrays) == of_numpy(*arrays)
+        assert of_kernel(*arrays, 0, count) == of_numpy(*arrays)
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -46,7 +46,7 @@ def test_no_event_is_left_out(count):
     for k in range(count):
         t, x, y, p = batch(count)
         x[k], y[k], p[k] = 65535, 65534, 255
-        assert of_kernel(t, x, y, p) == (65535, 65534, 255, False)
+        assert of_kernel(t, x, y, p, 0, count) == (65535, 65534, 255, False)
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -54,9 +54,18 @@ def test_no_step_back_is_left_out_and_events_of_one_time_are_none(count):
     _, x, y, p = batch(count)
     for k in range(1, count):
         t = np.full(count, 5, np.int64)
-        assert not of_kernel(t, x, y, p)[3]
+        assert not of_kernel(t, x, y, p, 0, count)[3]
         t[k:] = 4
-        assert of_kernel(t, x, y, p)[3]
+        assert of_kernel(t, x, y, p, 0, count)[3]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_what_is_not_of_the_part_is_not_looked_at(count):
+    for first in (1, 5, 40):
+        t, x, y, p = (np.repeat(array, 3) for array in batch(count, first))
+        stop = first + count
+        t[first - 1], x[first - 1], y[stop], p[stop], t[stop] = 2**62, 65535, 65535, 255, -(2**62)
+        assert of_kernel(t, x, y, p, first, stop) == of_numpy(*(array[first:stop] for array in (t, x, y, p)))
 
 
 @pytest.mark.parametrize(

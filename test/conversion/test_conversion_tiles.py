@@ -10,8 +10,9 @@ from numba import njit
 
 from etd_ros.conversion.cell_map import GROUP_TILES, PARTIAL, TILE_SIDE, TILE_SLOTS, cells_in, make_cell_map
 from etd_ros.conversion.readout import HALF_UP
+from etd_ros.conversion.tile_tables import FEW_EVENTS, tile_tables
 from etd_ros.conversion.tiles import slots_of_level, tile_levels, tiles_with_events, write_tile
-from etd_ros.conversion.twins import FEW_EVENTS, pairs_of_few
+from etd_ros.conversion.twins import pairs_of_few
 
 times = st.lists(st.integers(0, 2_000_000_000), min_size=TILE_SLOTS, max_size=TILE_SLOTS)
 words = st.integers(0, 2**TILE_SLOTS - 1)
@@ -20,12 +21,12 @@ few_slots = st.sets(st.integers(0, TILE_SLOTS - 1), max_size=FEW_EVENTS)
 
 @njit
 def levels_of(last, slot, word, slope, levels):
-    return tile_levels(last, np.uint64(slot), np.uint32(word), slope, HALF_UP, levels, True)
+    return tile_levels(last, np.uint64(slot), np.uint32(word), slope, HALF_UP, levels, True, tile_tables())
 
 
 @njit
 def write(levels, data, byte, row_bytes):
-    write_tile(levels, data, np.uint64(byte), np.uint64(row_bytes))
+    write_tile(levels, data, np.uint64(byte), np.uint64(row_bytes), tile_tables())
 
 
 @njit
@@ -35,7 +36,7 @@ def with_level(levels, level):
 
 @njit
 def pairs_in(levels, word):
-    return pairs_of_few(levels, np.uint32(word))
+    return pairs_of_few(levels, np.uint32(word), tile_tables())
 
 
 @njit
