@@ -163,7 +163,7 @@ class ContourSearch:
         body, surface = self._contours.body, self._surface
         for place in self._places():
             box = body.box_at(place.x, place.y, MARGIN)
-            surface.keep(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
+            surface.keep_too(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
 
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
