@@ -61,9 +61,9 @@ class Body:
         x, y, _, _ = self.pose.tolist()
         return self._model_box.at(x, y, self.pose)
 
-    def box_at(self, x: float, y: float) -> Box:
-        """Its box if its centre is there (pixels)."""
-        return self._model_box.at(x, y, self.pose)
+    def box_at(self, x: float, y: float, times: float = 1.0) -> Box:
+        """Its box if its centre is there (pixels), or one round the same middle so many times as wide and high."""
+        return self._model_box.at(x, y, self.pose, times)
 
     @property
     def speed_px_s(self) -> float:
@@ -99,8 +99,8 @@ class Body:
     def changed(self, stamp_ns: int) -> tuple[float, float]:
         """Scale and angle (rad) at a time (ns), if growing and turning go on."""
         since_s = self.since_s(stamp_ns)
-        scale = self.pose[SCALE] * math.exp(self.growing.per_s * since_s)
-        return float(scale), float(self.pose[ANGLE] + self.turning.per_s * since_s)
+        _, _, scale, angle = self.pose.tolist()
+        return scale * math.exp(self.growing.per_s * since_s), angle + self.turning.per_s * since_s
 
     def velocity_to(self, x: float, y: float, stamp_ns: int) -> Float64Array:
         """The velocity, x and y (pixels/s), if it goes to a place (pixels) by a time (ns): an average of that so far
@@ -184,5 +184,5 @@ class Standing:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where its centre is at a time (ns), if the motion goes on (pixels)."""
-        x, y = self.pose[:2].tolist()
+        x, y, _, _ = self.pose.tolist()
         return moved_on(x, y, self.velocity, stamp_ns - self.stamp_ns)

@@ -21,6 +21,7 @@ from numba import njit
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+Motion = tuple[float, float, float, float]
 Turn = tuple[float, float, float, float]
 """Cells per pixel: across the model by pixels to the right and by pixels downwards, and down the model by both."""
 
@@ -36,6 +37,8 @@ counts; where events are."""
 MAPS = 5
 SUMS, RIDGE_SUM = 6, 4
 """What a place is judged by (`sums_at`); the first of them that go without polarity."""
+SUMS_OF_ANY_MOTION = (0, 1, 4, 5)
+"""Those that are asked for where the motion may be any: it neither turns nor grows."""
 SUPPORT_FLOOR = 20.0
 """Added to the number of points under the model, so that few of them never look certain."""
 NORM_FLOOR = 0.1
@@ -155,7 +158,7 @@ def best_motion(sums: tuple[float, float, float, float, float, float], norms: Fl
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _score(sums: tuple[float, float, float, float, float, float], norms: Float64Array, cos: float, sin: float,
-           motion_x: float, motion_y: float, motion: Float64Array, ridge_weight: float, any_motion: bool
+           motion_x: float, motion_y: float, motion: Float64Array | Motion, ridge_weight: float, any_motion: bool
            ) -> float:  # fmt: skip
     """Correlation of points and model for a motion: polarity as the gradient along it predicts, and places.
 
@@ -214,46 +217,50 @@ def scores_of_shapes(points: Float32Array, count: int, maps: Float32Array, norms
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def _summed_parts(maps: Float32Array, cells: Float32Array) -> None:
-    """What each cell adds to the six sums, side by side with that of every `apart`-th cell beside it, into `cells`,
-    shape (apart, rows, ceil(columns / apart) * SUMS)."""
+def _summed_parts(maps: Float32Array, any_motion: bool, cells: Float32Array) -> None:
+    """What each cell adds to the sums, side by side with that of every `apart`-th cell beside it, into `cells`, shape
+    (apart, rows, ceil(columns / apart) * sums)."""
     _, rows, columns = maps.shape
     apart = cells.shape[0]
     arm = arm_cells(rows, columns)
+    sums = len(SUMS_OF_ANY_MOTION) if any_motion else SUMS
     for row in range(rows):
         down = np.float32((row - (rows - 1) / 2) / arm)
-        for column in range(columns):
-            across = np.float32((column - (columns - 1) / 2) / arm)
-            gx, gy = maps[GRADIENT_X, row, column], maps[GRADIENT_Y, row, column]
-            line, at = cells[column % apart, row], column // apart * SUMS
-            line[at], line[at + 1] = gx, gy
-            line[at + 2], line[at + 3] = gy * across - gx * down, gx * across + gy * down
-            line[at + 4], line[at + 5] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
+        for first in range(apart):
+            for at, column in enumerate(range(first, columns, apart)):
+                cell = cells[first, row, at * sums : (at + 1) * sums]
+                gx, gy = maps[GRADIENT_X, row, column], maps[GRADIENT_Y, row, column]
+                cell[0], cell[1] = gx, gy
+                if not any_motion:
+                    across = np.float32((column - (columns - 1) / 2) / arm)
+                    cell[2], cell[3] = gy * across - gx * down, gx * across + gy * down
+                cell[sums - 2], cell[sums - 1] = maps[RIDGE, row, column], maps[WEIGHT, row, column]
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float, y: float, turn: Turn,
-                 velocity: Float64Array, radius: int, apart: int) -> Float32Array:  # fmt: skip
+                 velocity: Float64Array, radius: int, apart: int, any_motion: bool) -> Float32Array:  # fmt: skip
     """`sums_at` with the model's middle moved up to `radius` times by `apart` of its cells up, down, left and right,
     with the cell nearest to each point, and of so many points only as find the place.
 
     Moved by whole cells, what a point finds lies side by side in memory, whatever the model's angle.
 
     Returns:
-        shape (2r + 1, 2r + 1, 6): the model is moved down and right most in the first row and column, where a point
-        lies over the cell that is farthest up and left.
+        shape (6, 2r + 1, 2r + 1): the model is moved down and right most in the first row and column, where a point
+        lies over the cell that is farthest up and left. With `any_motion` those of turning and growing are 0.
     """
     _, rows, columns = maps.shape
     groups = (columns + apart - 1) // apart
-    cells = np.zeros((apart, rows, groups * SUMS), np.float32)
-    _summed_parts(maps, cells)
+    number = len(SUMS_OF_ANY_MOTION) if any_motion else SUMS
+    cells = np.zeros((apart, rows, groups * number), np.float32)
+    _summed_parts(maps, any_motion, cells)
     side = 2 * radius + 1
-    sums = np.zeros((2, side, side * SUMS), np.float32)
+    by_sign = np.zeros((2, side, side * number), np.float32)
     stride = 1 + count // POINTS_SEARCHED
-    number = (count + stride - 1) // stride
-    places = np.empty((2, number), np.float32)
-    _place_on_model(points, number, stride, x, y, turn, velocity, places)
-    for index in range(number):
+    searched = (count + stride - 1) // stride
+    places = np.empty((2, searched), np.float32)
+    _place_on_model(points, searched, stride, x, y, turn, velocity, places)
+    for index in range(searched):
         column = int(np.floor(places[0, index] + columns / 2))
         row = int(np.floor(places[1, index] + rows / 2))
         group = column // apart
@@ -262,17 +269,22 @@ def sums_on_grid(points: Float32Array, count: int, maps: Float32Array, x: float,
         if left >= right:
             continue
         sign = 0 if points[index * stride, POLARITY] > 0 else 1
-        into_at, from_at = np.uintp((left - group + radius) * SUMS), np.uintp(left * SUMS)
+        into_at, from_at = np.uintp((left - group + radius) * number), np.uintp(left * number)
         for steps in range(up, down + 1):
-            into = sums[sign, np.uintp(steps + radius)]
+            into = by_sign[sign, np.uintp(steps + radius)]
             from_ = cells[np.uintp(column % apart), np.uintp(row + steps * apart)]
-            for part in range(np.uintp((right - left) * SUMS)):
+            for part in range(np.uintp((right - left) * number)):
                 into[into_at + part] += from_[from_at + part]
-    on: Float32Array = sums[0].reshape((side, side, SUMS))
-    off = sums[1].reshape((side, side, SUMS))
-    on[:, :, :RIDGE_SUM] -= off[:, :, :RIDGE_SUM]
-    on[:, :, RIDGE_SUM:] += off[:, :, RIDGE_SUM:]
-    return on
+    # Those of a kind side by side, so that many places are scored at a time.
+    sums = np.zeros((SUMS, side, side), np.float32)
+    for part in range(number):
+        kind = SUMS_OF_ANY_MOTION[part] if any_motion else part
+        off_counts = np.float32(-1 if kind < RIDGE_SUM else 1)
+        for j in range(side):
+            on, off, line = by_sign[0, j], by_sign[1, j], sums[kind, j]
+            for i in range(side):
+                line[i] = on[i * number + part] + off_counts * off[i * number + part]
+    return sums
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
@@ -287,19 +299,27 @@ def _best_on_grid(points: Float32Array, count: int, maps: Float32Array, norms: F
     step_px = apart * size_px
     radius = max(1, int(radius_px / step_px + 0.5))
     turn = to_cells(size_px, size_px, pose[ANGLE])
-    sums = sums_on_grid(points, count, maps, pose[0], pose[1], turn, velocity, radius, apart)
+    sums = sums_on_grid(points, count, maps, pose[0], pose[1], turn, velocity, radius, apart, any_motion)
     side = 2 * radius + 1
-    scores = np.empty((side, side))
-    best = -np.inf
+    scores, best = np.empty((side, side)), -np.inf
+    # Numbers that lie in memory would be read anew for each place.
+    added = bias[ALONG_X], bias[ALONG_Y], bias[TURNING], bias[GROWING]
+    from_x, from_y = pose[0] - before[0], pose[1] - before[1]
     for j in range(side):
-        for i in range(side):
-            across, down = (radius - i) * step_px, (radius - j) * step_px
-            at = sums[j, i]
-            found = (at[0], at[1], at[2], at[3], at[4], at[5])
-            motion_x = pose[0] + cos * across - sin * down - before[0]
-            motion_y = pose[1] + cos * down + sin * across - before[1]
-            scores[j, i] = _score(found, norms, cos, sin, motion_x, motion_y, bias, ridge_weight, any_motion)
-            best = max(best, scores[j, i])
+        down, line = (radius - j) * step_px, scores[j]
+        along_x, along_y, ridge, support = sums[0, j], sums[1, j], sums[4, j], sums[5, j]
+        if any_motion:
+            for i in range(side):
+                found = along_x[i], along_y[i], 0.0, 0.0, ridge[i], support[i]
+                line[i] = _score(found, norms, cos, sin, 0.0, 0.0, added, ridge_weight, True)
+        else:
+            around, outward = sums[2, j], sums[3, j]
+            for i in range(side):
+                across = (radius - i) * step_px
+                found = along_x[i], along_y[i], around[i], outward[i], ridge[i], support[i]
+                motion_x, motion_y = from_x + cos * across - sin * down, from_y + cos * down + sin * across
+                line[i] = _score(found, norms, cos, sin, motion_x, motion_y, added, ridge_weight, False)
+        best = max(best, line.max())
     top, best_across, best_down = -np.inf, 0.0, 0.0
     for j in range(side):
         for i in range(side):
@@ -328,25 +348,28 @@ def search(points: Float32Array, count: int, maps: Float32Array, norms: Float64A
     x, y = _best_on_grid(
         points, count, maps, norms, pose, cell_px, velocity, bias, before, ridge_weight, any_motion, radius_px
     )  # fmt: skip
-    around = np.empty((2, 3))
+    # By whole pixels from there: most of what is next to a step is next to the one before, too.
+    side = 2 * CLIMBS + 1
+    scores, is_known = np.empty((side, side)), np.zeros((side, side), np.bool_)
+    column = row = CLIMBS
     for _ in range(CLIMBS):
-        for axis in range(2):
-            for number in range(3):
-                if axis == 1 and number == 1:
-                    around[1, 1] = around[0, 1]
-                    continue
-                offset = number - 1
-                at_x, at_y = (x + offset, y) if axis == 0 else (x, y + offset)
+        for right, down in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)):
+            c, r = column + right, row + down
+            if not is_known[r, c]:
+                at_x, at_y = x + right, y + down
                 found = sums_at(points, count, maps, at_x, at_y, turn, velocity)
-                around[axis, number] = _score(
+                scores[r, c] = _score(
                     found, norms, cos, sin, at_x - before[0], at_y - before[1], bias, ridge_weight, any_motion
                 )
-        uphill_x, uphill_y = np.argmax(around[0]) - 1, np.argmax(around[1]) - 1
+                is_known[r, c] = True
+        beside, above = scores[row, column - 1 : column + 2], scores[row - 1 : row + 2, column]
+        uphill_x, uphill_y = int(np.argmax(beside)) - 1, int(np.argmax(above)) - 1
         if uphill_x == 0 and uphill_y == 0:
             break
         x, y = x + uphill_x, y + uphill_y
-    x += parabola(around[0, 0], around[0, 1], around[0, 2])
-    y += parabola(around[1, 0], around[1, 1], around[1, 2])
+        column, row = column + uphill_x, row + uphill_y
+    x += parabola(beside[0], beside[1], beside[2])
+    y += parabola(above[0], above[1], above[2])
     return x, y
 
 

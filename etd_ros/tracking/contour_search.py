@@ -3,7 +3,7 @@ something like it was seen since."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +52,7 @@ INWARD_SHARE, INWARD_S = 0.3, 0.01
 """So much of its motion is away from the border: a camera that turns brings things in along it, too."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(NamedTuple):
     """A look that may be of the target: its time (ns), place (pixels), the velocity there, how sure it is, and how sure
     if the target has turned."""
 
@@ -68,8 +67,7 @@ class _Seen:
         return moved_on(self.x, self.y, self.velocity, stamp_ns - self.stamp_ns)
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(NamedTuple):
     """Where a lost target may be: the middle (pixels), its velocity there (pixels/s), for how long it has not been seen
     there (s), and whether it would be there if it had moved on as it did."""
 
@@ -80,8 +78,7 @@ class _Place:
     is_expected: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class _WideLook:
+class _WideLook(NamedTuple):
     """The best look round a place; whether it is near its middle."""
 
     look: Look
@@ -129,6 +126,9 @@ class ContourSearch:
         self._has_left = has_left
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
+        # What has left comes back.
+        self._expected_velocity = -before.velocity if has_left else before.velocity
+        self._at_rest = np.zeros(2)
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
         self._place: _Place
@@ -153,16 +153,17 @@ class ContourSearch:
         body, surface = self._contours.body, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        body.pose[:2] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
+        body.pose[0], body.pose[1] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
         body.velocity[:] = self._before.velocity
         body.stamp_ns = surface.stamp_ns
 
     def keep(self) -> None:
         """Keep the surface up to date where the next looks may be; what is found at a region's edge is compared with
         places beyond, of which fewer events are known then."""
+        body, surface = self._contours.body, self._surface
         for place in self._places():
-            box = self._contours.body.box_at(place.x, place.y).scaled(MARGIN)
-            self._surface.keep(self._surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
+            box = body.box_at(place.x, place.y, MARGIN)
+            surface.keep_too(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
 
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
@@ -243,13 +244,12 @@ class ContourSearch:
 
     def _places(self) -> list[_Place]:
         """Where it may be: moved on, or stopped, or where something like it was seen since."""
-        x, y = self._contours.body.pose[:2].tolist()
-        # What has left comes back.
-        velocity = -self._before.velocity if self._has_left else self._before.velocity
-        places = [_Place(x, y, velocity, self.since_s, is_expected=True)]
+        since_s = self.since_s
+        x, y, _, _ = self._contours.body.pose.tolist()
+        places = [_Place(x, y, self._expected_velocity, since_s, is_expected=True)]
         if not self._has_left:
-            x, y = self._before.pose[:2].tolist()
-            places.append(_Place(x, y, np.zeros(2), self.since_s))
+            x, y, _, _ = self._before.pose.tolist()
+            places.append(_Place(x, y, self._at_rest, since_s))
         seen = self._path[-1] if self._path else self._glimpse
         if seen is not None:
             stamp_ns = self._surface.stamp_ns

@@ -225,9 +225,11 @@ class ContourTarget:
         gap_s = (self._surface.start_ns - before_ns) * 1e-9
         if self._state in (TargetState.RECOVERING, TargetState.LOST) and gap_s > UNSEEN_SHORT_S:
             self._search.wait()
+        if unseen_s <= UNSEEN_SHORT_S or not self.is_followed:
+            return
         moved_px = self._body.speed_px_s * unseen_s
         radius_px = self._contour_config.search_radius
-        if not self.is_followed or moved_px <= radius_px or unseen_s <= UNSEEN_SHORT_S:
+        if moved_px <= radius_px:
             return
         self._following.settling = max(self._following.settling, 1)
         if unseen_s > UNSEEN_S and moved_px > UNSEEN_RADII * radius_px:
@@ -315,7 +317,7 @@ class ContourTarget:
         search.coast()
         search.keep()
         answer = None
-        if self._held is None:
+        if image is not None and self._held is None:
             answer = self._images.found(stamp_ns, image, self._state, self.last_box)
         if answer is not None:
             self._body.pose[:2] = answer.box.center

@@ -129,7 +129,7 @@ class Contours:
     def keep(self, surface: TimeSurface) -> int:
         """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
         body = self.body
-        box = body.box_at(*body.predicted(surface.stamp_ns)).scaled(MARGIN)
+        box = body.box_at(*body.predicted(surface.stamp_ns), MARGIN)
         new = surface.keep(surface.window(box, KEPT_MARGIN_PX))
         self._pace.wait_with(new)
         return new
@@ -164,7 +164,7 @@ class Contours:
         body = self.body
         x, y = body.predicted(surface.stamp_ns)
         if self.backdrop.is_due(surface.stamp_ns, body.velocity, self._span_s(surface.stamp_ns)):
-            window = surface.window(body.box_at(x, y).scaled(MARGIN), KEPT_MARGIN_PX)
+            window = surface.window(body.box_at(x, y, MARGIN), KEPT_MARGIN_PX)
             self.backdrop.look(surface, window, np.array([x, y, body.pose[SCALE], 0.0]))
         return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
@@ -189,7 +189,7 @@ class Contours:
             own_alone: leave out the events of what moves otherwise round the target.
         """
         config, body = self.config, self.body
-        box = body.box_at(x, y).scaled(MARGIN)
+        box = body.box_at(x, y, MARGIN)
         margin = radius_px + BORDER_CELLS
         span_s = self._span_s(surface.stamp_ns)
         points, count = surface.points(surface.window(box, margin), span_s)

@@ -38,11 +38,13 @@ class ModelBox:
         self._reach = reach
         self._placed_for = None
 
-    def at(self, x: float, y: float, pose: Float64Array) -> Box:
-        """The box, if the model's middle is there (pixels) and its scale and angle are those of a pose."""
+    def at(self, x: float, y: float, pose: Float64Array, times: float = 1.0) -> Box:
+        """The box, or `times` as wide and high a one round its middle, if the model's middle is there (pixels) and its
+        scale and angle are those of a pose."""
         (right_x, below_x), (right_y, below_y), (width, height) = self._placed_at(pose)
-        x, y = x + right_x - below_x, y + right_y + below_y
-        return Box(x - width / 2, y - height / 2, width, height)
+        x, y = x + right_x - below_x - width / 2, y + right_y + below_y - height / 2
+        more = times - 1
+        return Box(x - more * width / 2, y - more * height / 2, width * times, height * times)
 
     def size(self, pose: Float64Array) -> tuple[float, float]:
         """Its width and height (pixels) with the scale and angle of a pose."""

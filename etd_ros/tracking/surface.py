@@ -12,7 +12,7 @@ from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
-from etd_ros.tracking.surface_kernels import frame_points, keep_times, kept_points
+from etd_ros.tracking.surface_kernels import frame_points, keep_more_times, keep_times, kept_points
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -49,6 +49,7 @@ class TimeSurface:
         self._times_of_rows = self._times.reshape(height, 2 * width)
         self._data: npt.NDArray[np.uint8] = np.zeros((0, 0, 2), np.uint8)
         self._levels_of_rows: npt.NDArray[np.uint8] = np.zeros((0, 0), np.uint8)
+        self._kept = np.zeros((height, 2), np.int64)
 
     def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], start_ns: int | None = None) -> None:
         """Go on to the next frame: its end (ns), its levels, uint8, shape (height, width, 2), and its start (ns), by
@@ -66,6 +67,7 @@ class TimeSurface:
         self.is_flash = is_flash(data)
         self._data = data
         self._levels_of_rows = np.ascontiguousarray(data).reshape(self.height, 2 * self.width)
+        self._kept.fill(0)
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a place (pixels) lies on the sensor."""
@@ -86,6 +88,11 @@ class TimeSurface:
         """Enter the newest frame's events of a window; how many pixels they are."""
         duration_ns = self.stamp_ns - self.start_ns
         return int(keep_times(self._times_of_rows, self._levels_of_rows, self.start_ns, duration_ns, *window))
+
+    def keep_too(self, window: Window) -> None:
+        """The same of a window that overlaps with others that are kept so, as those of where a lost target may be."""
+        duration_ns = self.stamp_ns - self.start_ns
+        keep_more_times(self._times_of_rows, self._levels_of_rows, self.start_ns, duration_ns, *window, self._kept)
 
     def points(self, window: Window, duration_s: float) -> tuple[Float32Array, int]:
         """The events of a window that are at most so old, as points, and their number; valid until the next call."""

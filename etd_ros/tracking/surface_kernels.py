@@ -22,6 +22,22 @@ def _any_in_block(levels: npt.NDArray[np.uint8], start: int) -> bool:
     return bool(any_level > 0)
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def _keep_row(times: npt.NDArray[np.int64], levels: npt.NDArray[np.uint8], start_ns: int, share: float, start: int,
+              end: int) -> int:  # fmt: skip
+    """Enter the event times of a part of a row; the number of its event pixels."""
+    count = 0
+    for first in range(start, end, BLOCK):
+        if first + BLOCK <= end and not _any_in_block(levels, first):
+            continue
+        for at in range(np.uintp(first), np.uintp(min(first + BLOCK, end))):
+            level = levels[at]
+            if level > 0:
+                count += 1
+                times[at] = start_ns + np.int64(level * share)
+    return count
+
+
 @njit(cache=True, nogil=True)
 def keep_times(times: npt.NDArray[np.int64], levels: npt.NDArray[np.uint8], start_ns: int, duration_ns: int, top: int,
                bottom: int, left: int, right: int) -> int:  # fmt: skip
@@ -29,18 +45,27 @@ def keep_times(times: npt.NDArray[np.int64], levels: npt.NDArray[np.uint8], star
     of its event pixels there."""
     count = 0
     share = duration_ns / 255.0
-    end = 2 * right
     for row in range(top, bottom):
-        of_row, times_of_row = levels[row], times[row]
-        for start in range(2 * left, end, BLOCK):
-            if start + BLOCK <= end and not _any_in_block(of_row, start):
-                continue
-            for at in range(np.uintp(start), np.uintp(min(start + BLOCK, end))):
-                level = of_row[at]
-                if level > 0:
-                    count += 1
-                    times_of_row[at] = start_ns + np.int64(level * share)
+        count += _keep_row(times[row], levels[row], start_ns, share, 2 * left, 2 * right)
     return count
+
+
+@njit(cache=True, nogil=True)
+def keep_more_times(times: npt.NDArray[np.int64], levels: npt.NDArray[np.uint8], start_ns: int, duration_ns: int,
+                    top: int, bottom: int, left: int, right: int, kept: npt.NDArray[np.int64]) -> None:  # fmt: skip
+    """The same for windows of which many overlap: `kept` holds which columns of each row, first .. last - 1, have been
+    entered so for this frame already, shape (height, 2)."""
+    share = duration_ns / 255.0
+    for row in range(top, bottom):
+        first, last = kept[row]
+        if right < first or last < left:
+            # Too far apart for one piece.
+            first = last = left
+        if left < first:
+            _keep_row(times[row], levels[row], start_ns, share, 2 * left, 2 * first)
+        if last < right:
+            _keep_row(times[row], levels[row], start_ns, share, 2 * last, 2 * right)
+        kept[row, 0], kept[row, 1] = min(left, first), max(right, last)
 
 
 @njit(cache=True, nogil=True, forceinline=True)

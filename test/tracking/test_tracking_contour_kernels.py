@@ -116,18 +116,23 @@ def test_sums_at_a_place_are_of_what_lies_between_the_cells_under_the_points(map
 
 
 @settings(deadline=None, max_examples=50)
-@given(maps=anything, radius=st.integers(1, 12), apart=st.integers(1, 4), **of_any_motion)
-def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(maps, radius, apart, seed, angle, cell_px, motion):
+@given(maps=anything, radius=st.integers(1, 12), apart=st.integers(1, 4), any_motion=st.booleans(), **of_any_motion)
+def test_sums_on_a_grid_are_those_of_the_model_moved_by_whole_cells(
+    maps, radius, apart, any_motion, seed, angle, cell_px, motion
+):
     points = not_between(0.5, scattered(seed), angle, cell_px, motion)
     columns, rows = (np.floor(at + 0.5) for at in cells_under(points, 30, 40, angle, cell_px, motion))
     turn = to_cells(cell_px, cell_px, angle)
-    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, turn, np.array(motion), radius, apart)
+    found = sums_on_grid(points, len(points), maps, 30.0, 40.0, turn, np.array(motion), radius, apart, any_motion)
     for j, down in enumerate(range(radius, -radius - 1, -1)):
         for i, right in enumerate(range(radius, -radius - 1, -1)):
             c, r = columns - right * apart, rows - down * apart
             inside = (c >= 0) & (r >= 0) & (c < COLUMNS) & (r < ROWS)
             c, r = c[inside].astype(int), r[inside].astype(int)
-            np.testing.assert_allclose(found[j, i], summed(maps[:4, r, c], c, r, points[inside, 3]), atol=1e-3)
+            expected = summed(maps[:4, r, c], c, r, points[inside, 3])
+            if any_motion:
+                expected[2:4] = 0
+            np.testing.assert_allclose(found[:, j, i], expected, atol=1e-3)
 
 
 @settings(deadline=None)
@@ -138,6 +143,16 @@ def test_a_shape_is_found_where_it_went_between_pixels(dx, dy):
     found = search(
         points, len(points), maps, norms, UPRIGHT, 1.0, STILL, np.array([4.0, 0.0, 0.0, 0.0]), UPRIGHT, 0.5, False, 4.0
     )  # fmt: skip
+    np.testing.assert_allclose(found, [30 + dx, 40 + dy], atol=0.7)
+
+
+@settings(deadline=None)
+@given(dx=st.floats(-11.4, 11.4), dy=st.floats(-11.4, 11.4))
+def test_a_shape_is_found_far_off_whichever_way_it_moves(dx, dy):
+    maps, norms = model_of(cross(30.0, 40.0), UPRIGHT, (1, 0, 0, 0))
+    points = cross(30 + dx, 40 + dy)
+    points[:, 3] *= -1
+    found = search(points, len(points), maps, norms, UPRIGHT, 1.0, STILL, STILL, UPRIGHT, 0.5, True, 12.0)
     np.testing.assert_allclose(found, [30 + dx, 40 + dy], atol=0.7)
 
 

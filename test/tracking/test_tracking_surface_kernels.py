@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from etd_ros.tracking.surface_kernels import keep_times, kept_points
+from etd_ros.tracking.surface_kernels import keep_more_times, keep_times, kept_points
 
 
 @settings(deadline=None)
@@ -23,6 +23,22 @@ def test_levels_become_times_in_the_window_and_nowhere_else(data, top, bottom, l
     expected[fired] = 1000 + data[fired].astype(np.int64) * 1000
     np.testing.assert_array_equal(times, expected)
     assert count == np.count_nonzero(fired)
+
+
+windows = st.tuples(*[st.integers(0, size) for size in (6, 6, 70, 70)]).map(
+    lambda edges: (*sorted(edges[:2]), *sorted(edges[2:]))
+)
+
+
+@settings(deadline=None)
+@given(arrays.arrays(np.uint8, (6, 70, 2)), st.lists(windows, max_size=5))
+def test_windows_that_overlap_are_kept_as_if_each_was_alone(data, windows):
+    times, expected = np.full((2, 6, 140), -1, np.int64)
+    levels, kept = data.reshape(6, -1), np.zeros((6, 2), np.int64)
+    for window in windows:
+        keep_more_times(times, levels, 1000, 255_000, *window, kept)
+        keep_times(expected, levels, 1000, 255_000, *window)
+    np.testing.assert_array_equal(times, expected)
 
 
 def test_points_are_the_events_young_enough_with_their_ages_and_polarities():
