@@ -137,6 +137,11 @@ class Body:
         least, most = SCALE_LIMITS
         self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(growth), least), most)
 
+    def grow_on(self, growth: float) -> None:
+        """Change the scale's logarithm, and believe that it has come to be off by its rate as well."""
+        self.grow(growth)
+        self.growing.correct(growth)
+
     def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
         """It has grown and turned at these rates (1/s, rad/s) for a time (s), from the scale and angle of a pose."""
         self.turning.per_s = turning_rad_s

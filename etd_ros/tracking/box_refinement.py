@@ -34,6 +34,9 @@ VIEW_MARGIN = 2.8
 """Width and height of what is looked at in those of the box: twice as wide and high, and where that was before."""
 MISFIT_USUAL = 0.08
 """How far boxes are off usually, in parts of their size: what is told less surely than that counts less."""
+MODEL_TIMES = 2.0
+"""What a fast target's size is surely off by is taken on by its model, too, at so many times the gain: looks have not
+seen it grow."""
 
 
 Corrector = Callable[[BoxView], BoxMisfit]
@@ -86,9 +89,12 @@ class BoxRefinement:
             return
         misfit = self._corrector(view)
         # Of what is covered in part the rest is seen, and would become the box.
-        sureness = (1 - contours.covered) / (1 + 2 * (misfit.spreads / MISFIT_USUAL) ** 2)
-        offsets = misfit.offsets if takes_all_on else _beyond_spreads(misfit)
+        seen, beyond = 1 - contours.covered, _beyond_spreads(misfit)
+        sureness = seen / (1 + 2 * (misfit.spreads / MISFIT_USUAL) ** 2)
+        offsets = misfit.offsets if takes_all_on else beyond
         contours.correct(np.asarray(self._gain * sureness * offsets, np.float64))
+        if takes_all_on:
+            contours.grow_on(min(1.0, MODEL_TIMES * self._gain) * seen * float(beyond[2:].mean()))
 
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream goes on at an earlier time (ns)."""

@@ -312,6 +312,12 @@ class Contours:
         wider, higher = larger if self.config.scale_gain > 0 else (0.0, 0.0)
         self.body.correct_box(right * box.w, below * box.h, wider, higher)
 
+    def grow_on(self, growth: float) -> None:
+        """The model is too small by so much (the logarithm of its scale), and grows faster than it is taken to, unless
+        its size is kept."""
+        if self.config.scale_gain > 0:
+            self.body.grow_on(growth)
+
     def draw_usual(self, drawn: Float32Array, span: float) -> None:
         """Draw what the target usually looks like where it lies now, `span` times as wide and high as its box; shape
         (3, cells, cells), as `draw_model` has it."""

@@ -10,6 +10,8 @@ AGREEING = 3.0
 AVERAGE_S = 0.05
 """A rate is an average over this time at least."""
 DECAY_S = 1.0
+TOLD_GAIN = 0.5
+"""How much of what something else than looks says is off is a misfit of the rate."""
 
 
 class SteadyChange:
@@ -34,6 +36,11 @@ class SteadyChange:
         """What seemed to become less has become more: believe half of the rate."""
         if self.per_s < 0:
             self.per_s /= 2
+
+    def correct(self, misfit: float) -> None:
+        """Take what something else than looks says that the part is off by: it knows at once what looks have to agree
+        about."""
+        self.per_s += TOLD_GAIN * misfit / AVERAGE_S
 
     def learn(self, misfit: float, elapsed_s: float) -> bool:
         """Take what a look says that the part is off by, so long after the last one; whether it is known to change."""

@@ -122,6 +122,27 @@ def test_a_start_box_that_is_too_large_is_put_right(scene, frames):
     assert overlap(*ends[0.25]) > 0.93
 
 
+@pytest.mark.parametrize(
+    ("speed", "spread", "grows"), [("fast", 0.01, True), ("fast", 0.2, False), ("slow", 0.01, False)]
+)
+def test_the_model_of_a_fast_target_grows_by_what_is_surely_off(speed, spread, grows, request):
+    """And goes on at that, which looks have to agree about for long."""
+    scene, frames = (
+        request.getfixturevalue(name) for name in (("scene", "frames"), ("slow", "slow_frames"))[speed == "slow"]
+    )
+    drawn, rates = [], []
+
+    def corrector(view):
+        drawn.append(np.count_nonzero(view.usual[2]) * view.box.w * view.box.h)
+        rates.append(view.growing_per_s)
+        return misfit(0, 0, 0.15, 0.15, spread=spread) if len(rates) == 1 else RIGHT
+
+    # Looks change the size no further.
+    followed(scene, frames, corrector, gain=0.5, scale_gain=1e-9)
+    assert (rates[1] > 0.3) == grows
+    assert (drawn[1] > 1.15 * drawn[0]) == grows
+
+
 def test_a_size_that_is_to_be_kept_is_kept(scene, frames):
     """`scale_gain` 0: the box is moved only."""
     config = ContourConfig(scale_gain=0, angle_gain=0, refine_gain=1.0)

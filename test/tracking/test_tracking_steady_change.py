@@ -1,8 +1,9 @@
 """Rates of turning and growing."""
 
 import numpy as np
+import pytest
 
-from etd_ros.tracking.steady_change import SteadyChange
+from etd_ros.tracking.steady_change import AVERAGE_S, TOLD_GAIN, SteadyChange
 
 
 def test_noise_is_no_change():
@@ -31,3 +32,10 @@ def test_what_was_known_to_change_is_not_any_more_when_it_is_stopped():
     change.stop()
     assert change.per_s == 0
     assert not change.learn(0.01, 0.005)
+
+
+def test_what_something_else_than_looks_says_counts_at_once():
+    change = SteadyChange(0.3)
+    change.correct(-0.01)
+    assert change.per_s == pytest.approx(-TOLD_GAIN * 0.01 / AVERAGE_S)
+    assert change.learn(0.0, 0.005)
