@@ -48,6 +48,8 @@ SHAPE_AROUND_MAX = 0.04
 """Where more is round a box, for each pixel, the events in its corners may be of that, too."""
 APART_PX = 3.0
 """After so much motion, events that move like the ring can be told from the target's."""
+DRAWN_MIN_PX = 1.0
+"""What lies behind has drawn the velocity along where both differ by so much at the end; by less they stray anyway."""
 NEXT_STEPS = np.array([(right, down) for down in (-1, 0, 1) for right in (-1, 0, 1)])
 """To a velocity itself and to those round it."""
 
@@ -158,7 +160,9 @@ class StartUp:
                 moved = body.speed_px_s * time_s
             elif moved > APART_PX:
                 # The velocity has been believed for APART_PX.
-                body.velocity = self._motions.told_apart(events, time_s, body.velocity)
+                told = self._motions.told_apart(events, time_s, body.velocity)
+                if math.dist(told, body.velocity) * time_s >= DRAWN_MIN_PX:
+                    body.velocity = told
         body.pose[:2] = self._pose[:2] + body.velocity * time_s
         contours.change_since(self._pose, self._growing_per_s, self._turning_rad_s, time_s)
         body.stamp_ns = surface.stamp_ns

@@ -5,8 +5,10 @@ import pytest
 from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
+from etd_ros.evaluation.suite import evaluate_sequence
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
-from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.simulation.suite import SUITE
+from etd_ros.tracking import ContourConfig, MultiTracker, start_up
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
@@ -83,3 +85,12 @@ def test_a_start_that_is_not_over_begins_anew_when_time_goes_back():
     for frame in frames:
         (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
     assert overlap(report, scene.box("thing", 0.5)) > 0.8
+
+
+def test_a_start_is_not_corrected_by_less_than_its_velocity_strays(monkeypatch):
+    def panel():
+        return next(result for result in evaluate_sequence(SUITE["tiny"]) if result.target == "panel_2")
+
+    corrected_by_much = panel()
+    monkeypatch.setattr(start_up, "DRAWN_MIN_PX", 0.0)
+    assert corrected_by_much.ap > panel().ap + 0.02
