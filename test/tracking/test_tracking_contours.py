@@ -203,7 +203,7 @@ def with_restless_pixels(events, box, *, pixels, period_us):
 
 def test_pixels_that_fire_again_and_again_do_not_slow_a_start(monkeypatch):
     scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90), duration_s=0.3)
-    events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=100, period_us=6000)
+    events = with_restless_pixels(events_of(scene), scene.box("thing", 0.0), pixels=100, period_us=4000)
     frames = frames_from(events)
 
     def mean_overlap():
