@@ -13,19 +13,16 @@ import sys
 
 import numpy as np
 import numpy.typing as npt
-from seeded_scenes import seeds_asked_for
+from seeded_scenes import SeededScene, seeds_asked_for, tracked_all
 from shelf_measures import Shelf
 
 from etd_ros.boxes import Box
-from etd_ros.engine import track
 from etd_ros.evaluation.scoring import label_overlaps, score_of
 from etd_ros.evaluation.suite import START_NS, of_each
 from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.evaluation.truth import TimedBox
-from etd_ros.events import concatenate
 from etd_ros.simulation import Sequence, true_boxes
 from etd_ros.simulation.suite import SUITE
-from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 
 RECIPES = ("ball", "dartboard", "trio", "slide", "slide-clutter", "pan", "hand", "creep", "road")
@@ -54,10 +51,9 @@ def main() -> None:
         )
 
 
-def scores_of(sequence: Sequence) -> npt.NDArray[np.float64]:
+def scores_of(sequence: Sequence | SeededScene) -> npt.NDArray[np.float64]:
     """AP, AR and the start box's own overlap of each target, each start on its own: shape (starts, targets, 3)."""
     scene = sequence.scene()
-    events = concatenate(list(sequence.events(scene, start_ns=START_NS)))
     times_s = np.arange(FIRST_S, scene.duration_s, STEP_S).tolist()
     truth = {
         name: [TimedBox(START_NS + round(time_s * 1e9), box) for time_s, box in true_boxes(scene, name, times_s)]
@@ -70,12 +66,13 @@ def scores_of(sequence: Sequence) -> npt.NDArray[np.float64]:
             for name, labels in truth.items()
             if len(labels) > 1
         ]
-        rows: dict[str, list[TrackRow]] = {start.name: [] for start in starts}
-        for step in track(StreamGuard().feed(events), starts, threads=False):
-            for report in step.reports:
-                row = TrackRow(step.frame.stamp_ns, report.name, report.box, report.score, report.state.value)
-                rows[report.name].append(row)
-        found.append([_score(rows[start.name], truth[start.name], start.box) for start in starts])
+        rows = tracked_all(sequence, starts)
+        found.append(
+            [
+                _score([row for row in rows if row.target == start.name], truth[start.name], start.box)
+                for start in starts
+            ]
+        )
     return np.array(found)
 
 

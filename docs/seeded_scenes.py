@@ -17,6 +17,7 @@ from etd_ros.evaluation.tracks import TrackRow
 from etd_ros.events import Events, concatenate
 from etd_ros.settings import Settings
 from etd_ros.simulation import Scene, SensorConfig, simulate
+from etd_ros.simulation import Sequence as Simulated
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
@@ -52,7 +53,7 @@ def tracked(seeded: SeededScene, start: TargetStart) -> list[TrackRow]:
     return tracked_all(seeded, [start])
 
 
-def tracked_all(seeded: SeededScene, starts: Sequence[TargetStart]) -> list[TrackRow]:
+def tracked_all(seeded: SeededScene | Simulated, starts: Sequence[TargetStart]) -> list[TrackRow]:
     """The same of several, frame by frame."""
     guard = StreamGuard()
     events = seeded.events(seeded.scene(), start_ns=START_NS)

@@ -129,7 +129,7 @@ def _extremes_of_any(
 
 
 def not_following(events: Events, previous_ns: int) -> ConversionError:
-    """What is wrong with a batch for which `follows` is false."""
+    """What is wrong with a batch that cannot follow, or has events that do not fit."""
     return ConversionError(_what_is_wrong(events, previous_ns))
 
 

@@ -21,7 +21,6 @@ from numba import njit
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
-Motion = tuple[float, float, float, float]
 Turn = tuple[float, float, float, float]
 """Cells per pixel: across the model by pixels to the right and by pixels downwards, and down the model by both."""
 
@@ -158,8 +157,8 @@ def best_motion(sums: tuple[float, float, float, float, float, float], norms: Fl
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def _score(sums: tuple[float, float, float, float, float, float], norms: Float64Array, cos: float, sin: float,
-           motion_x: float, motion_y: float, motion: Float64Array | Motion, ridge_weight: float, any_motion: bool
-           ) -> float:  # fmt: skip
+           motion_x: float, motion_y: float, motion: Float64Array | tuple[float, ...], ridge_weight: float,
+           any_motion: bool) -> float:  # fmt: skip
     """Correlation of points and model for a motion: polarity as the gradient along it predicts, and places.
 
     `cos` and `sin` are those of the pose's angle; `motion_x` and `motion_y` are added to `motion`. With `any_motion` it

@@ -81,6 +81,13 @@ def test_wrong_parameters_are_refused_when_it_is_configured_and_may_be_mended(be
     assert bench.change_state("tracker", "configure", "activate")
 
 
+def said_by(program):
+    """What a program of its own says on the way to its good end."""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
 @pytest.mark.parametrize("error", ["EtdError", "ValueError"])
 @pytest.mark.parametrize("fails", ["configure", "activate"])
 def test_a_transition_that_fails_leaves_nothing_behind(fails, error):
@@ -111,9 +118,7 @@ node.stop()
 node.destroy_node()
 rclpy.shutdown()
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "on purpose" in done.stderr
+    assert "on purpose" in said_by(program)
 
 
 def test_a_pipeline_that_cannot_begin_to_read_leaves_no_thread_behind():
@@ -138,9 +143,7 @@ node.stop()
 node.destroy_node()
 rclpy.shutdown()
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "on purpose" in done.stderr
+    assert "on purpose" in said_by(program)
 
 
 def test_targets_are_kept_over_a_pause(bench, repository):

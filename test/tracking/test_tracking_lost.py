@@ -99,10 +99,10 @@ def test_what_agrees_no_better_than_all_round_it_is_not_the_target(monkeypatch):
     assert mean_overlap("panel", seeds) < found - 0.03
 
 
-@pytest.mark.parametrize("seed", [15, 28])
+@pytest.mark.parametrize("seed", [28, 48])
 def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
     found = mean_overlap("return", (seed,))
-    assert found > 0.85
+    assert found > 0.9
     keep = ContourSearch.keep
     monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
     assert mean_overlap("return", (seed,)) < found - 0.3
