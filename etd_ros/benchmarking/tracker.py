@@ -23,9 +23,10 @@ from etd_ros.simulation import Recipe, Scene, make_scene, simulate
 from etd_ros.stream import StreamBatch
 from etd_ros.tracking import DEFAULT_METHOD, MultiTracker, method_named
 
-WIDTH, HEIGHT = 240, 180
+DAVIS, HD = (240, 180), (1280, 720)
 TARGET_PX = 40.0
 DURATION_S = 4.0
+START_S = 0.1
 SCENE_SEED = 40
 SPEED_PX_S = 150.0
 MANY = 20
@@ -50,7 +51,7 @@ def tracker(effort: Effort, data: Path | None) -> Iterator[Row]:
         RecordingError: a recording is damaged.
         BenchmarkError: a recording holds no events.
     """
-    scene = _scene()
+    scene = _scene(DAVIS, DURATION_S)
     events = concatenate(list(simulate(scene, seed=SCENE_SEED)))
     box = scene.box(scene.targets[0], 0.0)
     steps = [_steps_ms(events, [box]) for _ in range(effort.rounds)]
@@ -58,20 +59,25 @@ def tracker(effort: Effort, data: Path | None) -> Iterator[Row]:
     yield _row("tracker_step_mean", [np.mean(ms) for ms in steps], np.mean(peers))
     for what, percent in (("tracker_step_p50", 50), ("tracker_step_p99", 99)):
         yield _row(what, [np.percentile(ms, percent) for ms in steps], np.percentile(peers, percent))
+    for sensor in (DAVIS, HD):
+        yield _start(sensor, effort)
     stream = recorded(RECORDING, data, effort.events) if data is not None and RECORDING in RECORDINGS else None
     if stream is not None:
         yield from _many(stream.events, effort)
 
 
-def _scene() -> Scene:
+def _scene(sensor: tuple[int, int], duration_s: float) -> Scene:
+    """The same scene on each sensor, with its target and speed as much larger as that is."""
+    width, height = sensor
+    scale = height / DAVIS[1]
     recipe = Recipe(
         ("dartboard",),
         "cloudy",
-        size_px=(TARGET_PX, TARGET_PX),
-        speed_px_s=(SPEED_PX_S, SPEED_PX_S),
-        duration_s=DURATION_S,
+        size_px=(scale * TARGET_PX, scale * TARGET_PX),
+        speed_px_s=(scale * SPEED_PX_S, scale * SPEED_PX_S),
+        duration_s=duration_s,
     )
-    return make_scene(recipe, WIDTH, HEIGHT, np.random.default_rng(SCENE_SEED))
+    return make_scene(recipe, width, height, np.random.default_rng(SCENE_SEED))
 
 
 def _frames(events: Events) -> list[Frame]:
@@ -91,6 +97,18 @@ def _steps_ms(events: Events, boxes: list[Box]) -> Milliseconds:
         targets.update(frame.stamp_ns, frame.data)
         times[index] = time.perf_counter() - before
     return times * 1e3 / len(boxes)
+
+
+def _start(sensor: tuple[int, int], effort: Effort) -> Row:
+    """What a target costs in all until its start is over."""
+    scene = _scene(sensor, START_S)
+    events = concatenate(list(simulate(scene, seed=SCENE_SEED)))
+    box = scene.box(scene.targets[0], 0.0)
+    ms = [float(_steps_ms(events, [box]).sum()) for _ in range(effort.rounds)]
+    value = float(np.median(ms))
+    told = f"{box.w:.0f}x{box.h:.0f} px target, its first {START_S} s"
+    spread = float(np.subtract(*np.percentile(ms, [75, 25])) / value)
+    return Row("tracker_start", f"{sensor[0]}x{sensor[1]}", value, MS, None, None, None, told, spread)
 
 
 def _csrt_ms(events: Events, box: Box) -> Milliseconds:
@@ -135,5 +153,5 @@ def _many(events: Events, effort: Effort) -> Iterator[Row]:
 def _row(what: str, ours: list[np.floating[Any]], peer: np.floating[Any]) -> Row:
     value = float(np.median(ours))
     spread = float(np.subtract(*np.percentile(ours, [75, 25])) / value)
-    name, sensor = "OpenCV CSRT", f"{WIDTH}x{HEIGHT}"
+    name, sensor = "OpenCV CSRT", f"{DAVIS[0]}x{DAVIS[1]}"
     return Row(what, sensor, value, MS, name, float(peer), float(peer) / value, "40 px target", spread)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from etd_ros.tracking.backdrop_kernels import keep_own, ring_shift
+from etd_ros.tracking.contour_drawing import room_for_parts
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
 from etd_ros.tracking.surface import NEVER_NS, TimeSurface, Window
 
@@ -70,8 +71,8 @@ class Backdrop:
         self._ring = np.asarray(is_beside | is_below_or_above, np.float32)
         self._sides = np.zeros(4)
         self._halves = np.zeros((2, rows, columns), np.float32)
-        self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
-        self._room = np.zeros((2, rows, columns), np.float32)
+        self._room = np.zeros((rows, columns), np.float32)
+        self._room_for_parts = room_for_parts(PARTS, rows, columns)
 
     def forget(self) -> None:
         """The target is elsewhere, or at another time."""
@@ -104,7 +105,7 @@ class Backdrop:
         """Tell the velocity from the events of a time (s), round the target's pose at its end."""
         reach = NEAR_CELLS if self.is_known else FAR_CELLS
         right_px, down_px, alike = ring_shift(
-            points, count, pose, self._cell_px, self.velocity, span_s, self._ring, reach, self._halves, self._room[0],
+            points, count, pose, self._cell_px, self.velocity, span_s, self._ring, reach, self._halves, self._room,
             self._sides,
         )  # fmt: skip
         events = self._sides.sum()
@@ -134,8 +135,5 @@ class Backdrop:
         if not self._is_apart(velocity, span_s):
             return count
         least = max(OWN_MIN, round(OWN_SHARE_MIN * count))
-        return int(
-            keep_own(
-                points, count, pose, self._cell_px, velocity, self.velocity, span_s, least, self._parts, self._room
-            )
-        )
+        columns, room = self._ring.shape[1], self._room_for_parts
+        return int(keep_own(points, count, pose, self._cell_px, velocity, self.velocity, span_s, least, columns, room))

@@ -135,7 +135,7 @@ def _correlation(older: Float32Array, newer: Float32Array, across: int, down: in
 
 @njit(cache=True, nogil=True)
 def keep_own(points: Float32Array, count: int, pose: Float64Array, cell_px: float, velocity: Float64Array,
-             behind: Float64Array, span_s: float, least: int, parts: Float32Array, room: Float32Array
+             behind: Float64Array, span_s: float, least: int, columns: int, room: Float32Array
              ) -> int:  # fmt: skip
     """Keep the points that agree with the others at least as well at the target's velocity as at that of what lies
     behind it, in place and in order, or all where these would be fewer than `least`.
@@ -149,8 +149,8 @@ def keep_own(points: Float32Array, count: int, pose: Float64Array, cell_px: floa
         behind: of what lies behind it, the same.
         span_s: the time (s).
         least: number of points.
-        parts: room for what is drawn, shape (parts, 2, rows, columns).
-        room: room for smoothing, shape (2, rows, columns).
+        columns: of the grid.
+        room: to draw and smooth parts of the time in, as `room_for_parts` makes it.
 
     Returns:
         The number of points kept.
@@ -165,7 +165,7 @@ def keep_own(points: Float32Array, count: int, pose: Float64Array, cell_px: floa
         # In the middle of the time the grid lies where the target is at its end.
         at_start[0] -= motion[0] * span_s / 2
         at_start[1] -= motion[1] * span_s / 2
-        agreements(since_start, count, at_start, cell_px, motion, span_s, parts, room, agreed[layer])
+        agreements(since_start, count, at_start, cell_px, motion, span_s, columns, room, agreed[layer])
     own = 0
     for index in range(count):
         own += agreed[0, index] >= agreed[1, index]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
-from etd_ros.tracking.contour_drawing import agreements, coherence
+from etd_ros.tracking.contour_drawing import agreements, coherence, room_for_parts
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import BORDER_CELLS
 from etd_ros.tracking.growth import arm_px
@@ -69,6 +70,12 @@ class Motion(NamedTuple):
         return any(self.alike >= alike and self.agreement > times * near.agreement for alike, times in trust)
 
 
+Step = tuple[int, int]
+"""Steps to the right and down from the middle of the candidates."""
+Judged = tuple[float, Motion]
+"""By what a candidate is compared, and the candidate."""
+
+
 class Apart(NamedTuple):
     """A target that was told from what moves as one round it: its velocity (pixels/s), and the events that are its own,
     shape (n, 4)."""
@@ -97,8 +104,7 @@ class CoherentMotions:
         columns, rows = (math.ceil(side * GRID_MARGIN) + BORDER_CELLS for side in (width, height))
         self._weight = oval(rows, columns, width, height, WEIGHT_FADES)
         self._ring = np.asarray(1 - self._weight, np.float32)
-        self._parts = np.zeros((PARTS, 2, rows, columns), np.float32)
-        self._room = np.zeros((2, rows, columns), np.float32)
+        self._room = room_for_parts(PARTS, rows, columns)
 
     def near(self, events: Float32Array, time_s: float, so_far: Float64Array) -> Motion:
         """The motion of the greatest coherence near a velocity (pixels/s)."""
@@ -198,15 +204,14 @@ class CoherentMotions:
         """`near` of events that count by shares, in cells that count by weights, coarse to fine."""
         best = Motion(so_far, 0.0, 0.0)
         for step_px, reach in STEPS_PX:
-            middle, top = best.velocity, -np.inf
-            for j in range(-reach, reach + 1):
-                for i in range(-reach, reach + 1):
-                    velocity = middle + np.array([i, j]) * (step_px / time_s)
-                    motion = self._at(events, time_s, shares, weight, velocity)
-                    change_px = math.dist(velocity, so_far) * time_s
-                    agreement = motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2)
-                    if agreement > top:
-                        best, top = motion, agreement
+
+            def judged(step: Step, middle: Float64Array = best.velocity, step_px: float = step_px) -> Judged:
+                velocity = middle + np.array(step) * (step_px / time_s)
+                motion = self._at(events, time_s, shares, weight, velocity)
+                change_px = math.dist(velocity, so_far) * time_s
+                return motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2), motion
+
+            best = _climbed(judged, reach)
         return best
 
     def _at(
@@ -214,17 +219,36 @@ class CoherentMotions:
     ) -> Motion:
         """How well the events agree with one another at a velocity (pixels/s)."""
         agreement, alike = coherence(
-            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._parts, self._room
+            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._room
         )
         return Motion(velocity, agreement * _not_by_chance(len(events), math.hypot(*velocity), time_s), alike)
 
     def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
         """How well each of the events agrees with the others, shape (n,)."""
         agreed = np.empty(len(events), np.float32)
-        agreements(
-            events, len(events), self._pose, self._cell_px, velocity, time_s, self._parts, self._room, agreed
-        )  # fmt: skip
+        columns = self._weight.shape[1]
+        agreements(events, len(events), self._pose, self._cell_px, velocity, time_s, columns, self._room, agreed)
         return agreed
+
+
+def _climbed(judged: Callable[[Step], Judged], reach: int) -> Motion:
+    """The best of the candidates up to so many steps to each side, climbed to from the middle one: half of them need
+    not be looked at."""
+    found: dict[Step, Judged] = {}
+    top, best = None, (0, 0)
+    while best != top:
+        top = best
+        for step in _round_about(top, reach):
+            if step not in found:
+                found[step] = judged(step)
+        best = max(found, key=lambda step: found[step][0])
+    return found[best][1]
+
+
+def _round_about(middle: Step, reach: int) -> Iterator[Step]:
+    """A candidate and those next to it, of those up to so many steps to each side."""
+    columns, rows = (range(max(at - 1, -reach), min(at + 1, reach) + 1) for at in middle)
+    return itertools.product(columns, rows)
 
 
 def _round(velocity: Float64Array, step_px_s: float, steps: int) -> Iterator[Float64Array]:

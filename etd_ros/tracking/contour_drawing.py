@@ -3,6 +3,8 @@ this file, or numba would miss changes; points, poses and motions are those of `
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -69,85 +71,182 @@ def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, 
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def blur(drawn: Float32Array, room: Float32Array) -> None:
-    """Smooth each channel by 1 4 6 4 1 (a Gaussian of one cell) both ways, in place; `room` is of the same shape."""
-    channels, rows, columns = drawn.shape
+def _blur_line(line: Float32Array, smooth: Float32Array) -> None:
+    """1 4 6 4 1 along a line, but not at the two cells of each end, beside which less lies; `smooth` is as long."""
     # Constants of float32, or each product is one of float64, of which half as many fit in a register.
-    four, six, sixteen, share = np.float32(4), np.float32(6), np.float32(16), np.float32(1 / 256)
-    for channel in range(channels):
-        for row in range(rows):
-            line, smooth = drawn[channel, row], room[channel, row]
-            before_2, before, middle, after, after_2 = line[:-4], line[1:-3], line[2:-2], line[3:-1], line[4:]
-            inner = smooth[2:-2]
-            for column in range(columns - 4):
-                near = before[column] + after[column]
-                inner[column] = six * middle[column] + four * near + before_2[column] + after_2[column]
-            # The two cells at each border, where less lies beside them: the model's weight is 0 there.
-            for column in (0, 1, columns - 2, columns - 1):
-                smooth[column] = sixteen * line[column]
-        for row in range(rows):
-            line = drawn[channel, row]
-            above, above_2 = room[channel, max(row - 1, 0)], room[channel, max(row - 2, 0)]
-            below, below_2 = room[channel, min(row + 1, rows - 1)], room[channel, min(row + 2, rows - 1)]
-            middle = room[channel, row]
-            for column in range(columns):
-                near = above[column] + below[column]
-                line[column] = (six * middle[column] + four * near + above_2[column] + below_2[column]) * share
+    four, six, sixteen = np.float32(4), np.float32(6), np.float32(16)
+    before_2, before, middle, after, after_2 = line[:-4], line[1:-3], line[2:-2], line[3:-1], line[4:]
+    inner = smooth[2:-2]
+    for column in range(len(inner)):
+        near = before[column] + after[column]
+        inner[column] = six * middle[column] + four * near + before_2[column] + after_2[column]
+    last = len(line) - 1
+    for column in (0, 1, last - 1, last):
+        smooth[column] = sixteen * line[column]
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def _place(points: Float32Array, index: int, pose: Float64Array, size: float, velocity: Float64Array, time_s: float,
-           parts: Float32Array) -> tuple[float, float, int, int]:  # fmt: skip
-    """Column and row of a point moved back to where it began, the part of the time it is of (-1 beside the grid), and
-    its channel."""
-    number, _, rows, columns = parts.shape
+def _blur_down(lines: Float32Array, drawn: Float32Array) -> None:
+    """1 4 6 4 1 across lines that `_blur_line` has smoothed, into `drawn`; the sum stays what it was before both."""
+    rows, columns = drawn.shape
+    four, six, share = np.float32(4), np.float32(6), np.float32(1 / 256)
+    for row in range(rows):
+        above, above_2 = lines[max(row - 1, 0)], lines[max(row - 2, 0)]
+        below, below_2 = lines[min(row + 1, rows - 1)], lines[min(row + 2, rows - 1)]
+        line, middle = drawn[row], lines[row]
+        for column in range(columns):
+            near = above[column] + below[column]
+            line[column] = (six * middle[column] + four * near + above_2[column] + below_2[column]) * share
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def blur(drawn: Float32Array, room: Float32Array) -> None:
+    """Smooth each channel by 1 4 6 4 1 (a Gaussian of one cell) both ways, in place; `room` is of the same shape. What
+    lies at the border is smoothed less: the model's weight is 0 there."""
+    channels, rows, _ = drawn.shape
+    for channel in range(channels):
+        for row in range(rows):
+            _blur_line(drawn[channel, row], room[channel, row])
+        _blur_down(room[channel], drawn[channel])
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _blur_parts(drawn: Float32Array, lines: Float32Array, columns: int) -> None:
+    """What `blur` makes of layers of so many columns that lie side by side: longer lines are faster."""
+    rows, wide = drawn.shape
+    sixteen = np.float32(16)
+    for row in range(rows):
+        _blur_line(drawn[row], lines[row])
+        for first in range(columns, wide, columns):
+            for column in range(first - 2, first + 2):
+                lines[row, column] = sixteen * drawn[row, column]
+    _blur_down(lines, drawn)
+
+
+def room_for_parts(parts: int, rows: int, columns: int) -> Float32Array:
+    """Room to draw and smooth On and Off of so many parts of a time in, shape (2, rows, 2 * parts * columns)."""
+    return np.zeros((2, rows, 2 * parts * columns), np.float32)
+
+
+class _Grid(NamedTuple):
+    """Where points fall when they are moved back to where they began: all float32, twice as fast as float64.
+
+    Attributes:
+        size: cells of a pixel.
+        left, top: column and row of the pixel (0, 0).
+        right_s, down_s: cells that a point moves in a second.
+        parts_s: parts of the time that a second is, below 0, as ages count backwards from the beginning.
+        columns, rows: of a layer.
+        last: number of the last part.
+    """
+
+    size: np.float32
+    left: np.float32
+    top: np.float32
+    right_s: np.float32
+    down_s: np.float32
+    parts_s: np.float32
+    columns: np.float32
+    rows: np.float32
+    last: np.float32
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _grid(pose: Float64Array, cell_px: float, velocity: Float64Array, time_s: float, drawn: Float32Array,
+          columns: int) -> _Grid:  # fmt: skip
+    """The grid of layers of so many columns that lie side by side."""
+    rows, wide = drawn.shape
+    number = wide // (2 * columns)
+    size = 1 / (cell_px * pose[2])
+    return _Grid(
+        np.float32(size),
+        np.float32((columns - 1) / 2 - size * pose[0]),
+        np.float32((rows - 1) / 2 - size * pose[1]),
+        np.float32(size * velocity[0]),
+        np.float32(size * velocity[1]),
+        np.float32(-number / time_s),
+        np.float32(columns),
+        np.float32(rows),
+        np.float32(number - 1),
+    )
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _place(points: Float32Array, index: int, grid: _Grid) -> tuple[np.float32, np.float32, int]:
+    """Column and row of a point, and its layer: On and Off of each part of the time; -1 beside the grid."""
     age = points[index, AGE]
-    column = size * (points[index, X] + velocity[0] * age - pose[0]) + (columns - 1) / 2
-    row = size * (points[index, Y] + velocity[1] * age - pose[1]) + (rows - 1) / 2
-    channel = 0 if points[index, POLARITY] > 0 else 1
-    if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
-        return column, row, -1, channel
-    return column, row, min(number - 1, max(0, int(-age / time_s * number))), channel
+    column = grid.size * points[index, X] + grid.right_s * age + grid.left
+    row = grid.size * points[index, Y] + grid.down_s * age + grid.top
+    nothing, one = np.float32(0), np.float32(1)
+    if column < nothing or row < nothing or column >= grid.columns - one or row >= grid.rows - one:
+        return column, row, -1
+    part = np.int32(min(grid.last, max(nothing, age * grid.parts_s)))
+    return column, row, 2 * int(part) + (0 if points[index, POLARITY] > nothing else 1)
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _draw_parts(points: Float32Array, count: int, shares: Float32Array, grid: _Grid, drawn: Float32Array,
+                lines: Float32Array) -> None:  # fmt: skip
+    """Draw the points' shares on the layers, which lie side by side in `drawn`, and smooth them."""
+    columns = int(grid.columns)
+    drawn[:] = np.float32(0)
+    for index in range(count):
+        column, row, layer = _place(points, index, grid)
+        if layer < 0:
+            continue
+        c, r = np.int32(column), np.int32(row)
+        right, below = column - np.float32(c), row - np.float32(r)
+        lower = shares[index] * below
+        upper = shares[index] - lower
+        at = c + layer * columns
+        drawn[r, at] += upper - upper * right
+        drawn[r, at + 1] += upper * right
+        drawn[r + 1, at] += lower - lower * right
+        drawn[r + 1, at + 1] += lower * right
+    _blur_parts(drawn, lines, columns)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def agreements(points: Float32Array, count: int, pose: Float64Array, cell_px: float, velocity: Float64Array,
-               time_s: float, parts: Float32Array, room: Float32Array, agreed: Float32Array) -> None:  # fmt: skip
+               time_s: float, columns: int, room: Float32Array, agreed: Float32Array) -> None:  # fmt: skip
     """What the other parts of a time have drawn where a point falls when all are moved back to where they began: into
-    `agreed`, shape (count,), much for points that move like this. The arguments are those of `coherence`."""
-    number = parts.shape[0]
-    size = 1 / (cell_px * pose[2])
-    parts[:] = 0
+    `agreed`, shape (count,), much for points that move like this. The arguments are those of `coherence`, with the
+    columns of a layer."""
+    drawn, lines = room[0], room[1]
+    grid = _grid(pose, cell_px, velocity, time_s, drawn, columns)
+    _draw_parts(points, count, np.ones(count, np.float32), grid, drawn, lines)
+    layers = drawn.shape[1] // columns
+    half = np.float32(0.5)
     for index in range(count):
-        column, row, part, channel = _place(points, index, pose, size, velocity, time_s, parts)
-        if part >= 0:
-            _draw_point(parts[part, channel], column, row, 1.0)
-    for part in range(number):
-        blur(parts[part], room)
-    for index in range(count):
-        column, row, part, channel = _place(points, index, pose, size, velocity, time_s, parts)
+        column, row, layer = _place(points, index, grid)
         agreed[index] = 0
-        for other in range(number):
-            if part >= 0 and other != part:
-                agreed[index] += parts[other, channel, int(row + 0.5), int(column + 0.5)]
+        if layer < 0:
+            continue
+        r, c = int(row + half), int(column + half)
+        for other in range(layer % 2, layers, 2):
+            if other != layer:
+                agreed[index] += drawn[r, c + other * columns]
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def _line_product(weight: Float32Array, on: Float32Array, off: Float32Array, other_on: Float32Array,
-                  other_off: Float32Array) -> float:  # fmt: skip
-    """What a row of two parts, On and Off, shape (columns,), has in common, weighed twice; On and Off that fall
-    together count half."""
-    half, product = np.float32(0.5), np.float32(0)
+def _line_products(weight: Float32Array, on: Float32Array, off: Float32Array, before_on: Float32Array,
+                   before_off: Float32Array) -> tuple[float, float]:  # fmt: skip
+    """What a line of a part, On and Off, shape (columns,), has in common with itself and with the sum of the parts
+    before, to which it is added then; weighed twice, and On and Off that fall together count half."""
+    half, own, common = np.float32(0.5), np.float32(0), np.float32(0)
     for column in range(len(weight)):
-        alike = (on[column] - half * off[column]) * other_on[column]
-        alike += (off[column] - half * on[column]) * other_off[column]
-        product += weight[column] * weight[column] * alike
-    return float(product)
+        more, less = on[column] - half * off[column], off[column] - half * on[column]
+        square = weight[column] * weight[column]
+        own += square * (more * on[column] + less * off[column])
+        common += square * (more * before_on[column] + less * before_off[column])
+        before_on[column] += on[column]
+        before_off[column] += off[column]
+    return float(own), float(common)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Float32Array, pose: Float64Array,
-              cell_px: float, velocity: Float64Array, time_s: float, parts: Float32Array, room: Float32Array
+              cell_px: float, velocity: Float64Array, time_s: float, room: Float32Array
               ) -> tuple[float, float]:  # fmt: skip
     """How well what the points draw in one part of a time agrees with what they draw in the others, when they are moved
     back to where they began. Returns the sum of their correlations over a power of what it would be if all were alike,
@@ -166,29 +265,24 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         cell_px: pixels of a cell at scale 1.
         velocity: x, y (pixels/s).
         time_s: from the beginning to the end (s).
-        parts: room for what is drawn, shape (parts, 2, rows, columns).
-        room: room for smoothing, shape (2, rows, columns).
+        room: to draw and smooth in, shape (2, rows, 2 * parts * columns), as `room_for_parts` makes it.
     """
-    number, _, rows, _ = parts.shape
-    size = 1 / (cell_px * pose[2])
-    parts[:] = 0
-    for index in range(count):
-        column, row, part, channel = _place(points, index, pose, size, velocity, time_s, parts)
-        if part >= 0:
-            _draw_point(parts[part, channel], column, row, shares[index])
-    for part in range(number):
-        blur(parts[part], room)
-    products = np.zeros((number, number))
-    for row in range(rows):
-        for part in range(number):
-            on, off = parts[part, 0, row], parts[part, 1, row]
-            for other in range(part, number):
-                products[part, other] += _line_product(weight[row], on, off, parts[other, 0, row], parts[other, 1, row])
+    rows, columns = weight.shape
+    drawn, lines = room[0], room[1]
+    _draw_parts(points, count, shares, _grid(pose, cell_px, velocity, time_s, drawn, columns), drawn, lines)
+    number = drawn.shape[1] // (2 * columns)
+    own, before = np.zeros(number), np.empty((2, columns), np.float32)
     found = possible = 0.0
+    for row in range(rows):
+        before[:] = np.float32(0)
+        for part in range(number):
+            on, off = drawn[row, 2 * part * columns :][:columns], drawn[row, (2 * part + 1) * columns :][:columns]
+            of_itself, of_both = _line_products(weight[row], on, off, before[0], before[1])
+            own[part] += of_itself
+            found += of_both
     for part in range(number):
         for other in range(part + 1, number):
-            found += products[part, other]
-            possible += np.sqrt(products[part, part] * products[other, other])
+            possible += np.sqrt(own[part] * own[other])
     return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER), float(found / max(possible, 1e-9))
 
 

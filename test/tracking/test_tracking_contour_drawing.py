@@ -1,11 +1,24 @@
 """The contour tracker's drawing kernels against what they say they do, in NumPy."""
 
+import itertools
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etd_ros.tracking.contour_drawing import agreements, blur, coherence, learn, normalise, splat
+from etd_ros.tracking.contour_drawing import (
+    COHERENCE_FLOOR,
+    CROWDING_POWER,
+    agreements,
+    blur,
+    coherence,
+    learn,
+    normalise,
+    room_for_parts,
+    splat,
+)
 from etd_ros.tracking.contour_kernels import DENSITY, GRADIENT_X, GRADIENT_Y, MAPS, RIDGE, WEIGHT
 
 ROWS, COLUMNS = 20, 24
@@ -80,9 +93,9 @@ def test_points_of_what_turns_and_grows_are_drawn_where_they_are_now():
 
 
 def agreement_of(points, velocity, time_s=0.03):
-    weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    weight, room = np.ones((ROWS, COLUMNS), np.float32), room_for_parts(4, ROWS, COLUMNS)
     velocity, shares = np.array(velocity, float), np.ones(len(points), np.float32)
-    return coherence(points, len(points), shares, weight, UPRIGHT, 1.0, velocity, time_s, parts, parts[0].copy())
+    return coherence(points, len(points), shares, weight, UPRIGHT, 1.0, velocity, time_s, room)
 
 
 def points_often():
@@ -119,10 +132,50 @@ def test_opposite_polarities_disagree():
 
 
 def test_events_that_count_for_nothing_agree_with_nothing():
-    weight, parts = np.ones((ROWS, COLUMNS), np.float32), np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    weight, room = np.ones((ROWS, COLUMNS), np.float32), room_for_parts(4, ROWS, COLUMNS)
     shares, velocity = np.zeros(100, np.float32), np.zeros(2)
-    agreement = coherence(points_often(), 100, shares, weight, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy())
+    agreement = coherence(points_often(), 100, shares, weight, UPRIGHT, 1.0, velocity, 0.03, room)
     assert agreement == (0, 0)
+
+
+def parts_by_definition(points, shares, velocity, time_s):
+    """On and Off of four parts of a time, drawn one by one and smoothed, shape (4, 2, ROWS, COLUMNS)."""
+    parts = np.zeros((4, 2, ROWS, COLUMNS), np.float32)
+    for (x, y, age_s, polarity), share in zip(points, shares, strict=True):
+        column = x + velocity[0] * age_s - UPRIGHT[0] + (COLUMNS - 1) / 2
+        row = y + velocity[1] * age_s - UPRIGHT[1] + (ROWS - 1) / 2
+        if not (0 <= column < COLUMNS - 1 and 0 <= row < ROWS - 1):
+            continue
+        layer = parts[min(3, int(-age_s / time_s * 4)), 0 if polarity > 0 else 1]
+        for r, c in itertools.product((int(row), int(row) + 1), (int(column), int(column) + 1)):
+            layer[r, c] += share * (1 - abs(row - r)) * (1 - abs(column - c))
+    for part in parts:
+        blur(part, np.zeros_like(part))
+    return parts
+
+
+def product_by_definition(weight, part, other):
+    alike = (part[0] - part[1] / 2) * other[0] + (part[1] - part[0] / 2) * other[1]
+    return np.sum(weight**2 * alike, dtype=float)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 200))
+def test_coherence_is_that_of_its_definition(seed, count):
+    rng = np.random.default_rng(seed)
+    points = np.column_stack([
+        rng.uniform(15, 45, count), rng.uniform(25, 55, count), -rng.uniform(0, 0.03, count), rng.choice([-1, 1], count)
+    ]).astype(np.float32)  # fmt: skip
+    weight, shares = rng.uniform(0, 1, (ROWS, COLUMNS)).astype(np.float32), rng.uniform(0, 1, count).astype(np.float32)
+    velocity, room = rng.uniform(-100, 100, 2), room_for_parts(4, ROWS, COLUMNS)
+    parts = parts_by_definition(points, shares, velocity, 0.03)
+    pairs = list(itertools.combinations(parts, 2))
+    found = sum(product_by_definition(weight, *pair) for pair in pairs)
+    own = [product_by_definition(weight, part, part) for part in parts]
+    possible = sum(math.sqrt(one * other) for one, other in itertools.combinations(own, 2))
+    agreement, alike = coherence(points, count, shares, weight, UPRIGHT, 1.0, velocity, 0.03, room)
+    assert agreement == pytest.approx(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER, rel=1e-3, abs=1e-4)
+    assert alike * possible == pytest.approx(found, rel=1e-3, abs=1e-3 * possible + 1e-6)
 
 
 def test_each_event_agrees_with_those_of_other_times_that_move_like_it():
@@ -134,8 +187,8 @@ def test_each_event_agrees_with_those_of_other_times_that_move_like_it():
     )
     beside = points_at([1000.0], [40.0], age_s=-0.01)
     points = np.concatenate([moving, still, beside])
-    parts, agreed = np.zeros((4, 2, ROWS, COLUMNS), np.float32), np.full(25, np.nan, np.float32)
+    agreed = np.full(25, np.nan, np.float32)
     velocity = np.array([200.0, 0.0])
-    agreements(points, 25, UPRIGHT, 1.0, velocity, 0.03, parts, parts[0].copy(), agreed)
+    agreements(points, 25, UPRIGHT, 1.0, velocity, 0.03, COLUMNS, room_for_parts(4, ROWS, COLUMNS), agreed)
     assert agreed[:12].mean() > 2 * agreed[12:24].mean()
     assert agreed[24] == 0
