@@ -12,9 +12,9 @@ from typing import Any
 
 from etd_ros.boxes import Box
 from etd_ros.errors import EtdError
+from etd_ros.names import CLASS_RULE, NAME_LENGTH_MAX, NAME_RULE, is_class, is_name
 from etd_ros.output_files import write_beside
 
-NAME_LENGTH_MAX = 60
 FILE_BYTES_MAX = 64 << 20
 
 
@@ -71,11 +71,11 @@ def checked_name(name: str) -> str:
     """A target's name without the blanks round it.
 
     Raises:
-        LabellingError: empty, too long, or not printable.
+        LabellingError: it breaks NAME_RULE.
     """
     name = name.strip()
-    if not name or len(name) > NAME_LENGTH_MAX or not name.isprintable():
-        msg = f"target name {name[:NAME_LENGTH_MAX]!r}: give 1 to {NAME_LENGTH_MAX} printable characters"
+    if not is_name(name):
+        msg = f"target name {name[:NAME_LENGTH_MAX]!r}: give {NAME_RULE}"
         raise LabellingError(msg)
     return name
 
@@ -84,11 +84,11 @@ def checked_class(class_id: str) -> str:
     """A target's class without the blanks round it; it may be empty.
 
     Raises:
-        LabellingError: too long, or not printable.
+        LabellingError: it breaks CLASS_RULE.
     """
     class_id = class_id.strip()
-    if len(class_id) > NAME_LENGTH_MAX or not class_id.isprintable():
-        msg = f"class {class_id[:NAME_LENGTH_MAX]!r}: give at most {NAME_LENGTH_MAX} printable characters"
+    if not is_class(class_id):
+        msg = f"class {class_id[:NAME_LENGTH_MAX]!r}: give {CLASS_RULE}"
         raise LabellingError(msg)
     return class_id
 

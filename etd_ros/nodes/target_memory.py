@@ -13,6 +13,7 @@ from typing import NoReturn
 
 from etd_ros.boxes import Box
 from etd_ros.evaluation import CLASS_COLUMN, TRACKS_COLUMNS, EvaluationError, TrackRow, TracksWriter, read_tracks
+from etd_ros.names import is_class
 from etd_ros.output_files import OutputError, check_outputs
 from etd_ros.tracking import TargetReport, TargetState
 
@@ -26,8 +27,6 @@ ROWS_MAX = 2
 """Of a target, in the file."""
 HEADERS = tuple(f"{','.join(columns)}\n".encode() for columns in ((*TRACKS_COLUMNS, CLASS_COLUMN), TRACKS_COLUMNS))
 """By which a node knows the file for one of its own: what it writes, and what was written before there were classes."""
-CLASS_LENGTH_MAX = 64
-"""Longer ones, or those that cannot be printed, are not kept: nobody's detector has them."""
 DAMAGED = "damaged"
 """Suffix of a file that is set aside."""
 NULS_MAX_BYTES = 2**20
@@ -114,7 +113,7 @@ class TargetMemory:
     def _with(self, stamp_ns: int, report: TargetReport, class_id: str) -> list[TrackRow]:
         """A target's rows: where it is, or was seen last, after those of a short time before."""
         rows = self._rows.get(report.name, [])
-        class_id = class_id if class_id.isprintable() and len(class_id) <= CLASS_LENGTH_MAX else ""
+        class_id = class_id if is_class(class_id) else ""
         if report.box is None:
             last = dataclasses.replace(rows[-1], score=report.score, state=report.state.value, class_id=class_id)
             return [*rows[:-1], last]

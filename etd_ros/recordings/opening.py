@@ -19,7 +19,8 @@ def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[in
         size: sensor (width, height) in pixels, for text and raw files that do not tell it.
 
     Raises:
-        RecordingError: missing, empty, unreadable, damaged, of an unknown kind, or without (one choice of) events.
+        RecordingError: missing, empty, unreadable, damaged, of an unknown kind, or without (one choice of) events; or
+            it tells the sensor's size itself, and `size` is given.
         EventsError: `size` is impossible.
     """
     path = Path(path)
@@ -48,7 +49,15 @@ def _open(path: Path, topic: str | None, size: tuple[int, int] | None) -> Record
         from etd_ros.recordings.ecd import EcdRecording
 
         return EcdRecording(path, size)
-    if path.is_dir() or suffix in (".bag", ".mcap", ".db3"):
+    if suffix == ".raw":
+        from etd_ros.recordings.prophesee import PropheseeRecording
+
+        return PropheseeRecording(path, size)
+    is_bag = path.is_dir() or suffix in (".bag", ".mcap", ".db3")
+    if size is not None and (is_bag or suffix == ".aedat4"):
+        msg = f"{path}: it tells the sensor's size itself: leave --size out, which is for text and .raw"
+        raise RecordingError(msg)
+    if is_bag:
         from etd_ros.recordings.rosbag import RosBagRecording
 
         return RosBagRecording(path, topic)
@@ -56,9 +65,5 @@ def _open(path: Path, topic: str | None, size: tuple[int, int] | None) -> Record
         from etd_ros.recordings.aedat4 import Aedat4Recording
 
         return Aedat4Recording(path)
-    if suffix == ".raw":
-        from etd_ros.recordings.prophesee import PropheseeRecording
-
-        return PropheseeRecording(path, size)
     msg = f"{path}: unknown kind of recording ({path.suffix or 'no extension'}): supported are {SUPPORTED}"
     raise RecordingError(msg)

@@ -13,6 +13,7 @@ import numpy as np
 
 from etd_ros.boxes import SIDE_MIN_PX, Box
 from etd_ros.detection import EdgeBoxes, Proposals
+from etd_ros.names import NAME_RULE, is_name
 from etd_ros.tracking.box_network import shipped_network
 from etd_ros.tracking.box_refinement import Corrector
 from etd_ros.tracking.clicks import Click
@@ -25,7 +26,6 @@ from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
 
-NAME_LENGTH_MAX = 64
 _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="targets")
 
 
@@ -313,9 +313,6 @@ def check_target(name: str, box: Box, stamp_ns: int) -> None:
 
 
 def _check_name(name: str) -> None:
-    if not 1 <= len(name) <= NAME_LENGTH_MAX or not name.isprintable() or "," in name or name != name.strip():
-        msg = (
-            f"target name {name[:80]!r} is unusable: "
-            f"give 1 to {NAME_LENGTH_MAX} printable characters without commas, line breaks, or blanks at the ends"
-        )
+    if not is_name(name):
+        msg = f"target name {name[:80]!r} is unusable: give {NAME_RULE}"
         raise TrackingError(msg)

@@ -135,13 +135,21 @@ def test_without_a_class_the_csv_has_no_column_for_it(output):
     assert output.read_text().startswith("target,stamp_ns,x,y,w,h\n")
 
 
-@pytest.mark.parametrize("class_id", ["two\nlines", "p" * 61])
+@pytest.mark.parametrize("class_id", ["two\nlines", "p" * 65])
 def test_a_class_that_cannot_be_printed_is_refused(output, class_id):
     session = begun(output)
     edit(session, "box", target="ball", picture=2, box=BOX)
-    with pytest.raises(LabellingError, match="at most 60 printable characters"):
+    with pytest.raises(LabellingError, match="at most 64 printable characters"):
         edit(session, "class", target="ball", to=class_id)
     assert target(session.state())["class"] == ""
+
+
+@pytest.mark.parametrize("name", ["", "two\nlines", "ball, red", "p" * 65])
+def test_a_name_that_tracking_would_refuse_is_refused(output, name):
+    session = begun(output)
+    with pytest.raises(LabellingError, match="without commas"):
+        edit(session, "box", target=name, picture=2, box=BOX)
+    assert session.state()["targets"] == []
 
 
 def test_kept_key_frames_of_before_there_were_classes_go_on(output):
@@ -273,7 +281,7 @@ def test_a_change_that_changes_nothing_needs_no_undoing(output):
         {"action": "clear", "target": "ball", "key": 5},
         {"action": "clear", "target": "ball"},
         {"action": "add", "target": "  "},
-        {"action": "add", "target": "x" * 61},
+        {"action": "add", "target": "x" * 65},
         {"action": "add", "target": "a\nb"},
         {"action": "rename", "target": "ball", "to": "other"},
         {"action": "box", "target": "ball", "picture": 1, "box": [1, 2, 3]},

@@ -70,6 +70,12 @@ def test_an_impossible_size_is_refused(tmp_path):
         open_recording(write_ecd(tmp_path / "ecd", EVENTS), size=(0, 480))
 
 
+@pytest.mark.parametrize("name", ["traffic.mcap", "traffic.aedat4"])
+def test_a_size_beside_a_recording_that_tells_its_own_is_refused(data, name):
+    with pytest.raises(RecordingError, match="leave --size out"):
+        open_recording(data / "traffic" / name, size=(640, 480))
+
+
 def test_images_give_the_size_and_come_between_the_events(tmp_path):
     folder = write_ecd(tmp_path / "ecd", EVENTS)
     cv2.imwrite(str(folder / "frame.png"), np.full((48, 64), 7, np.uint8))

@@ -176,14 +176,14 @@ function targetRow(target, index) {
   swatch.style.background = colourOf(index);
   const name = document.createElement("input");
   name.value = target.name;
-  name.maxLength = 60;
+  name.maxLength = 64;
   name.title = "click to rename";
   name.addEventListener("focus", () => choose(target.name));
   name.addEventListener("blur", () => rename(target.name, name.value));
   const kind = document.createElement("input");
   kind.className = "class";
   kind.value = target.class;
-  kind.maxLength = 60;
+  kind.maxLength = 64;
   kind.placeholder = "class";
   kind.title = "what it is, as in person (may be empty)";
   kind.addEventListener("focus", () => choose(target.name));
