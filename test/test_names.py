@@ -1,8 +1,5 @@
 """What targets and classes may be called."""
 
-import csv
-import io
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,4 +27,5 @@ def test_a_class_may_be_empty_but_is_short_and_printable():
 @given(st.text(max_size=80))
 def test_a_name_is_one_column_of_one_line(name):
     if is_name(name):
-        assert list(csv.reader(io.StringIO(f"{name.replace(chr(34), '')},0\n"))) == [[name.replace('"', ""), "0"]]
+        assert f"{name},0".split(",") == [name, "0"]
+        assert f"{name},0".splitlines() == [f"{name},0"]
