@@ -142,10 +142,9 @@ class ContourTarget:
         box = self._body.box_at(*self._body.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._following.confidence))
 
-    @property
-    def is_starting(self) -> bool:
-        """Whether its first motion is still to be told."""
-        return self._start_up is not None
+    def begins(self, stamp_ns: int) -> bool:
+        """Whether it starts with the frame of this time (ns)."""
+        return self._state is TargetState.IDLE and self.start_stamp_ns <= stamp_ns
 
     @property
     def others(self) -> OtherBoxes:
@@ -155,9 +154,9 @@ class ContourTarget:
     def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
         """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known, or believed so far."""
         body = self._body
-        if self._state is TargetState.IDLE and self.start_stamp_ns <= stamp_ns:
+        if self.begins(stamp_ns):
             return self.start_box, np.zeros(2)
-        if self._state is not TargetState.TRACKING or not (self.is_starting or self.is_sure):
+        if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
             return None
         return body.box_at(*body.predicted(stamp_ns)), body.velocity
 

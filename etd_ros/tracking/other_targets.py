@@ -16,7 +16,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 
 CHECK_S = 0.01
-"""Targets are compared so often, and on every frame while one of them starts."""
+"""Targets are compared so often, and where one begins."""
 FREE_MIN = 0.4
 """Where others leave less of a target's box free than this, all events there are taken for its own: too few would be
 left, or one of the boxes has been drawn along to where the other is."""
@@ -25,9 +25,8 @@ left, or one of the boxes has been drawn along to where the other is."""
 class Placed(Protocol):
     """What `OtherTargets` asks of a target."""
 
-    @property
-    def is_starting(self) -> bool:
-        """Whether its first motion is still to be told."""
+    def begins(self, stamp_ns: int) -> bool:
+        """Whether it starts with the frame of this time (ns)."""
 
     @property
     def others(self) -> OtherBoxes:
@@ -35,6 +34,9 @@ class Placed(Protocol):
 
     def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
         """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known."""
+
+
+_NONE = np.empty((0, 6))
 
 
 class OtherBoxes:
@@ -49,22 +51,12 @@ class OtherBoxes:
 
     def forget(self) -> None:
         """No others are known."""
-        self.free = 1.0
-        self._moving = np.empty((0, 6))
-        self._stamp_ns = 0
+        self.note(_NONE, 1.0, 0)
 
-    def note(self, own: Box, boxes: Float64Array, velocities: Float64Array, stamp_ns: int) -> None:
-        """Take the boxes of all others (pixels, shape (n, 4)) and their velocities (pixels/s, shape (n, 2)) at a time
-        (ns), and keep those nearer than the own box is large."""
-        far_sides = np.minimum(boxes[:, :2] + boxes[:, 2:], [own.x + own.w, own.y + own.h])
-        common = far_sides - np.maximum(boxes[:, :2], own[:2])
-        free = 1.0 - float(np.maximum(common, 0.0).prod(1).sum()) / (own.w * own.h)
-        if free < FREE_MIN:
-            self.forget()
-            return
-        is_near = common.min(1) > -max(own.w, own.h)
-        self.free, self._stamp_ns = free, stamp_ns
-        self._moving = np.concatenate([boxes[is_near], velocities[is_near]], 1)
+    def note(self, moving: Float64Array, free: float, stamp_ns: int) -> None:
+        """Take the boxes of others at a time (ns): x, y, width and height (pixels) and the velocity (pixels/s) of each,
+        shape (boxes, 6), and the share of the own box that is free of them."""
+        self._moving, self.free, self._stamp_ns = moving, free, stamp_ns
 
     def leave_out(self, points: Float32Array, count: int, stamp_ns: int) -> int:
         """Keep the points of a time (ns), in place, that lie in none of the others where these were then; how many they
@@ -87,21 +79,38 @@ class OtherTargets:
                 target.others.forget()
             return
         is_due = not 0 <= (stamp_ns - self._checked_ns) * 1e-9 < CHECK_S
-        if not (is_due or any(target.is_starting for target in targets)):
+        if not (is_due or any(target.begins(stamp_ns) for target in targets)):
             return
         self._checked_ns = stamp_ns
-        places = [target.sure_place(stamp_ns) for target in targets]
-        known = [place for place in places if place is not None]
-        boxes = np.array([box for box, _ in known], np.float64).reshape(-1, 4)
-        velocities = np.array([velocity for _, velocity in known], np.float64).reshape(-1, 2)
-        number = 0
-        for target, place in zip(targets, places, strict=True):
+        known: list[Placed] = []
+        moving: list[tuple[float, ...]] = []
+        for target in targets:
+            place = target.sure_place(stamp_ns)
             if place is None:
                 target.others.forget()
-                continue
-            is_other = np.arange(len(known)) != number
-            target.others.note(place[0], boxes[is_other], velocities[is_other], stamp_ns)
-            number += 1
+            else:
+                box, velocity = place
+                known.append(target)
+                moving.append((*box, *velocity.tolist()))
+        if known:
+            _tell(known, np.array(moving), stamp_ns)
+
+
+def _tell(targets: Sequence[Placed], moving: Float64Array, stamp_ns: int) -> None:
+    """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
+    own is free of them."""
+    near_sides, sizes = moving[:, :2], moving[:, 2:4]
+    far_sides = near_sides + sizes
+    common = np.minimum(far_sides[:, None], far_sides) - np.maximum(near_sides[:, None], near_sides)
+    is_near = common.min(2) > -sizes.max(1)[:, None]
+    np.fill_diagonal(is_near, val=False)
+    shared = np.where(is_near, np.maximum(common, 0.0).prod(2), 0.0)
+    free = 1.0 - shared.sum(1) / sizes.prod(1)
+    for target, are_near, free_share in zip(targets, is_near, free.tolist(), strict=True):
+        if free_share >= FREE_MIN and are_near.any():
+            target.others.note(moving[are_near], free_share, stamp_ns)
+        else:
+            target.others.forget()
 
 
 @njit(cache=True, nogil=True)

@@ -16,11 +16,26 @@ from etd_ros.tracking.other_targets import CHECK_S, FREE_MIN, OtherBoxes, OtherT
 OWN = Box(100.0, 100.0, 40.0, 20.0)
 
 
+class Placed:
+    """A target that says where it is."""
+
+    def __init__(self, box, velocity=(0.0, 0.0)):
+        self.box, self.velocity, self.others = box, np.array(velocity), OtherBoxes()
+        self.is_beginning = False
+
+    def begins(self, _stamp_ns):
+        return self.is_beginning
+
+    def sure_place(self, _stamp_ns):
+        return None if self.box is None else (self.box, self.velocity)
+
+
 def noted(*boxes, velocities=None, own=OWN):
-    others = OtherBoxes()
-    velocities = np.zeros((len(boxes), 2)) if velocities is None else np.array(velocities)
-    others.note(own, np.array(boxes, np.float64).reshape(-1, 4), velocities, START_NS)
-    return others
+    """What a target knows of others with these boxes."""
+    velocities = [(0.0, 0.0)] * len(boxes) if velocities is None else velocities
+    targets = [Placed(own), *(Placed(Box(*box), velocity) for box, velocity in zip(boxes, velocities, strict=True))]
+    OtherTargets().take(START_NS, targets)
+    return targets[0].others
 
 
 def points_at(*places, age_s=0.0):
@@ -86,16 +101,6 @@ def test_where_others_would_leave_too_little_all_events_are_its_own():
     assert others.leave_out(points_at((110, 110)), 1, START_NS) == 1
 
 
-class Placed:
-    """A target that says where it is."""
-
-    def __init__(self, box, *, is_starting=False):
-        self.box, self.is_starting, self.others = box, is_starting, OtherBoxes()
-
-    def sure_place(self, _stamp_ns):
-        return None if self.box is None else (self.box, np.zeros(2))
-
-
 def test_targets_are_told_where_the_others_are_and_not_where_they_are_themselves():
     one, unknown, other = Placed(OWN), Placed(None), Placed(Box(130.0, 100.0, 40.0, 20.0))
     OtherTargets().take(START_NS, (one, unknown, other))
@@ -103,15 +108,15 @@ def test_targets_are_told_where_the_others_are_and_not_where_they_are_themselves
     assert unknown.others.free == 1
 
 
-@pytest.mark.parametrize("is_starting", [False, True])
-def test_targets_are_compared_now_and_then_and_on_every_frame_while_one_starts(is_starting):
-    one, other = Placed(OWN), Placed(Box(130.0, 100.0, 40.0, 20.0), is_starting=is_starting)
+@pytest.mark.parametrize("begins", [False, True])
+def test_targets_are_compared_now_and_then_and_where_one_begins(begins):
+    one, other = Placed(OWN), Placed(Box(130.0, 100.0, 40.0, 20.0))
     watch = OtherTargets()
     watch.take(START_NS, (one, other))
-    other.box = Box(120.0, 100.0, 40.0, 20.0)
+    other.box, other.is_beginning = Box(120.0, 100.0, 40.0, 20.0), begins
     watch.take(START_NS + 1_000_000, (one, other))
-    assert one.others.free == pytest.approx(0.5 if is_starting else 0.75)
-    watch.take(START_NS + round(CHECK_S * 1e9), (one, other))
+    assert one.others.free == pytest.approx(0.5 if begins else 0.75)
+    watch.take(START_NS + 1_000_000 + round(CHECK_S * 1e9), (one, other))
     assert one.others.free == pytest.approx(0.5)
 
 
