@@ -13,10 +13,13 @@ import copy
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from etd_ros.boxes import Box
 from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
+from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
@@ -25,6 +28,7 @@ from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, WAIT_MIN_S
+from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import (
@@ -137,6 +141,24 @@ class ContourTarget:
             self._watch_for_drift(stamp_ns, image)
         box = self._body.box_at(*self._body.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._following.confidence))
+
+    def begins(self, stamp_ns: int) -> bool:
+        """Whether it starts with the frame of this time (ns)."""
+        return self._state is TargetState.IDLE and self.start_stamp_ns <= stamp_ns
+
+    @property
+    def others(self) -> OtherBoxes:
+        """The boxes of other targets near it, whose events are not its own."""
+        return self._contours.others
+
+    def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
+        """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known, or believed so far."""
+        body = self._body
+        if self.begins(stamp_ns):
+            return self.start_box, np.zeros(2)
+        if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
+            return None
+        return body.box_at(*body.predicted(stamp_ns)), body.velocity
 
     @property
     def is_followed(self) -> bool:

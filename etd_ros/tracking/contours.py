@@ -20,6 +20,7 @@ from etd_ros.tracking.look import Look
 from etd_ros.tracking.look_pace import LookPace
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
+from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.turning import TurningByFlow
@@ -65,6 +66,7 @@ class Contours:
         least_speed_px_s: looks take the events of no more time than if the target were so fast (pixels/s).
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
+        others: the boxes of other targets, whose events are left out.
     """
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
@@ -87,6 +89,7 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
+        self.others = OtherBoxes()
         self.backdrop = Backdrop((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     @property
@@ -186,7 +189,7 @@ class Contours:
             y: the row in the middle (pixels).
             radius_px: how far from it (pixels).
             any_motion: as for `look`.
-            own_alone: leave out the events of what moves otherwise round the target.
+            own_alone: leave out the events of other targets, and of what moves otherwise round it.
         """
         config, body = self.config, self.body
         box = body.box_at(x, y, MARGIN)
@@ -195,6 +198,7 @@ class Contours:
         points, count = surface.points(surface.window(box, margin), span_s)
         pose = np.array([x, y, *body.changed(surface.stamp_ns)])
         if own_alone:
+            count = self.others.leave_out(points, count, surface.stamp_ns)
             count = self.backdrop.keep_own(points, count, pose, body.velocity, span_s)
         maps, norms, velocity, motion = self._maps, self._norms, body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
@@ -235,6 +239,7 @@ class Contours:
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
+        count = self.others.leave_out(points, count, surface.stamp_ns)
         count = self.backdrop.keep_own(points, count, self.body.pose, self.body.velocity, span_s)
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()

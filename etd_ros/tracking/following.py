@@ -92,7 +92,7 @@ class Following:
         look = self._look_here()
         if EVENTS_FEW <= look.events < EVENTS_MIN and contours.look_longer(look.events, stamp_ns):
             look = self._look_here()
-        confidence = self.usual.confidence(look)
+        confidence = self._confidence(look)
         is_noise = confidence < CONFIDENCE_OK and contours.sees_noise(self._surface)
         self._noise_s = self._noise_s + elapsed_s if is_noise else 0.0
         if look.events < EVENTS_MIN or self._noise_s > NOISE_S:
@@ -129,6 +129,10 @@ class Following:
 
     def _look_here(self) -> Look:
         return self._contours.look(self._surface, any_motion=self.settling > 0)
+
+    def _confidence(self, look: Look) -> float:
+        """How sure a look is, of the part of the target's box into which no other one reaches."""
+        return self.usual.confidence(look) / self._contours.others.free
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
         """A target that was slowing down stands still now; one that was not has vanished."""
@@ -169,7 +173,7 @@ class Following:
 
     def _is_better(self, look: Look, stamp_ns: int) -> bool:
         """Whether a look is surer than the last one; then its confidence counts."""
-        confidence = self.usual.confidence(look) * self._plausible(look, stamp_ns)
+        confidence = self._confidence(look) * self._plausible(look, stamp_ns)
         is_better = confidence > self.confidence
         if is_better:
             self.confidence = confidence

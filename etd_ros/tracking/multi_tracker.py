@@ -22,6 +22,7 @@ from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.drawn_along import DrawnAlong
 from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.errors import TrackingError
+from etd_ros.tracking.other_targets import OtherTargets
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
@@ -31,8 +32,8 @@ _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="ta
 
 class MultiTracker:
     """Tracks targets that are started and stopped by name. Targets take turns in being looked for on images while they
-    are followed; contours that were drawn along by another target's go back. Otherwise they do not influence one
-    another.
+    are followed; contours leave out the events in the boxes of others, and those that were drawn along by another
+    target's go back. Otherwise they do not influence one another.
 
     Args:
         width: sensor width (pixels).
@@ -84,6 +85,7 @@ class MultiTracker:
         self._surface = TimeSurface(width, height)
         self._turns = Turns()
         self._drawn_along = DrawnAlong()
+        self._other_targets = OtherTargets()
         self._targets: dict[str, Target | ContourTarget] = {}
         self._last_stamp_ns: int | None = None
 
@@ -236,8 +238,9 @@ class MultiTracker:
         self._last_stamp_ns = stamp_ns
         if self._contours is not None:
             self._surface.take(stamp_ns, frame, start_ns)
-        reports = self._reports(stamp_ns, frame, image)
         contours = [target for target in self._targets.values() if isinstance(target, ContourTarget)]
+        self._other_targets.take(stamp_ns, contours)
+        reports = self._reports(stamp_ns, frame, image)
         if len(contours) > 1:
             self._drawn_along.take(stamp_ns, contours)
         if self._starter is not None:

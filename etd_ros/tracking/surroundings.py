@@ -9,6 +9,7 @@ from numba import njit
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
+from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface, Window
 
 SPAN, OLD_SPAN = 3.0, 5.0
@@ -64,12 +65,13 @@ class Surroundings:
         """Those so far, as points whose ages count backwards from the start, shape (n, 4)."""
         return np.concatenate([np.empty((0, 4), np.float32), *self._frames])
 
-    def take(self, surface: TimeSurface) -> None:
-        """Take the newest frame's events."""
+    def take(self, surface: TimeSurface, others: OtherBoxes) -> None:
+        """Take the newest frame's events, but for those of other targets."""
         if self._count > EVENTS_MAX:
             return
         window = surface.window(self._box.scaled(self._span), 0.0)
         points, count = surface.newest(window)
+        count = others.leave_out(points, count, surface.stamp_ns)
         if count == 0:
             return
         self._by_chance = _pixels(surface.window(self._box.scaled(BOX_MARGIN), 0.0)) / _pixels(window)

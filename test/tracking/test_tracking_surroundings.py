@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import BOX_MARGIN, STEPS, Surroundings, _held, _held_at_steps
 
@@ -20,7 +21,7 @@ def seen(places_of, frames=20, box=BOX):
         columns, rows = places_of(number * FRAME_NS * 1e-9)
         data[rows, columns, number % 2] = 255
         surface.take(START_NS + number * FRAME_NS, data, START_NS + (number - 1) * FRAME_NS)
-        surroundings.take(surface)
+        surroundings.take(surface, OtherBoxes())
     return surroundings, frames * FRAME_NS * 1e-9
 
 
