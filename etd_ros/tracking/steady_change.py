@@ -17,7 +17,7 @@ TOLD_GAIN = 0.5
 class SteadyChange:
     """Learns a rate from what looks say that a part is off by.
 
-    It stays 0 until the misfits of a while agree: noise must not turn what does not turn.
+    Looks do not change it until the misfits of a while agree: noise must not turn what does not turn.
 
     Attributes:
         per_s: the rate.
@@ -30,6 +30,7 @@ class SteadyChange:
     def stop(self) -> None:
         """Nothing changes any more."""
         self.per_s = 0.0
+        self._is_told_alone = False
         self._sum = self._squares = 0.0
 
     def doubt_if_below_0(self) -> None:
@@ -39,7 +40,8 @@ class SteadyChange:
 
     def correct(self, misfit: float) -> None:
         """Take what something else than looks says that the part is off by: it knows at once what looks have to agree
-        about."""
+        about. They still have to, before they change what it says."""
+        self._is_told_alone = self._is_told_alone or self.per_s == 0
         self.per_s += TOLD_GAIN * misfit / AVERAGE_S
 
     def learn(self, misfit: float, elapsed_s: float) -> bool:
@@ -47,8 +49,10 @@ class SteadyChange:
         kept = math.exp(-elapsed_s / AGREEING_S)
         self._sum = kept * self._sum + misfit
         self._squares = kept * self._squares + misfit**2
-        if self.per_s == 0 and abs(self._sum) <= AGREEING * math.sqrt(self._squares):
-            return False
-        self.per_s += self._gain * misfit / (elapsed_s + AVERAGE_S)
+        has_to_agree = self.per_s == 0 or self._is_told_alone
+        agrees = not has_to_agree or abs(self._sum) > AGREEING * math.sqrt(self._squares)
+        if agrees:
+            self._is_told_alone = False
+            self.per_s += self._gain * misfit / (elapsed_s + AVERAGE_S)
         self.per_s *= math.exp(-elapsed_s / DECAY_S)
-        return True
+        return agrees

@@ -1,9 +1,11 @@
 """Rates of turning and growing."""
 
+import math
+
 import numpy as np
 import pytest
 
-from etd_ros.tracking.steady_change import AVERAGE_S, TOLD_GAIN, SteadyChange
+from etd_ros.tracking.steady_change import AVERAGE_S, DECAY_S, TOLD_GAIN, SteadyChange
 
 
 def test_noise_is_no_change():
@@ -38,4 +40,30 @@ def test_what_something_else_than_looks_says_counts_at_once():
     change = SteadyChange(0.3)
     change.correct(-0.01)
     assert change.per_s == pytest.approx(-TOLD_GAIN * 0.01 / AVERAGE_S)
-    assert change.learn(0.0, 0.005)
+
+
+def test_noise_does_not_change_what_something_else_has_said():
+    change, rng = SteadyChange(0.3), np.random.default_rng(0)
+    change.correct(0.01)
+    told = change.per_s
+    believed = [change.learn(float(misfit), 0.005) for misfit in 0.01 * rng.choice([-1.0, 1.0], 200)]
+    assert change.per_s == pytest.approx(told * math.exp(-200 * 0.005 / DECAY_S))
+    assert not any(believed)
+
+
+def test_looks_that_agree_change_what_something_else_has_said():
+    change = SteadyChange(0.3)
+    change.correct(-0.01)
+    told = change.per_s
+    believed = [change.learn(0.01, 0.005) for _ in range(40)]
+    assert not believed[0]
+    assert believed[-1]
+    assert change.per_s > told / 2
+
+
+def test_looks_that_know_a_change_go_on_telling_it_when_something_else_does():
+    change = SteadyChange(0.3)
+    while not change.learn(0.01, 0.005):
+        pass
+    change.correct(0.01)
+    assert change.learn(0.01, 0.005)
