@@ -20,7 +20,7 @@ def open_recording(path: Path | str, *, topic: str | None = None, size: tuple[in
 
     Raises:
         RecordingError: missing, empty, unreadable, damaged, of an unknown kind, or without (one choice of) events; or
-            it tells the sensor's size itself, and `size` is given.
+            a bag or AEDAT4 file, which tell the sensor's size themselves, beside a `size`.
         EventsError: `size` is impossible.
     """
     path = Path(path)
@@ -55,7 +55,7 @@ def _open(path: Path, topic: str | None, size: tuple[int, int] | None) -> Record
         return PropheseeRecording(path, size)
     is_bag = path.is_dir() or suffix in (".bag", ".mcap", ".db3")
     if size is not None and (is_bag or suffix == ".aedat4"):
-        msg = f"{path}: it tells the sensor's size itself: leave --size out, which is for text and .raw"
+        msg = f"{path}: bags and AEDAT4 tell the sensor's size themselves: leave --size out, which is for text and .raw"
         raise RecordingError(msg)
     if is_bag:
         from etd_ros.recordings.rosbag import RosBagRecording

@@ -33,14 +33,14 @@ CROWDING_POWER = 0.7
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def _draw_point(layer: Float32Array, column: float, row: float, weight: float) -> None:
-    """A weight, shared out over the four cells round a place that lies among the cells."""
+def _draw_point(layer: Float32Array, column: float, row: float) -> None:
+    """A point, shared out over the four cells round a place that lies among the cells."""
     c, r = int(column), int(row)
     right, below = column - c, row - r
-    layer[r, c] += weight * (1 - right) * (1 - below)
-    layer[r, c + 1] += weight * right * (1 - below)
-    layer[r + 1, c] += weight * (1 - right) * below
-    layer[r + 1, c + 1] += weight * right * below
+    layer[r, c] += (1 - right) * (1 - below)
+    layer[r, c + 1] += right * (1 - below)
+    layer[r + 1, c] += (1 - right) * below
+    layer[r + 1, c + 1] += right * below
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -65,7 +65,7 @@ def splat(points: Float32Array, count: int, pose: Float64Array, cell_px: float, 
         row = cosine * dy - sine * dx + (rows - 1) / 2
         if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
             continue
-        _draw_point(drawn[0 if points[index, POLARITY] > 0 else 1], column, row, 1.0)
+        _draw_point(drawn[0 if points[index, POLARITY] > 0 else 1], column, row)
         inside += 1
     return inside
 

@@ -132,7 +132,12 @@ class Following:
 
     def _confidence(self, look: Look) -> float:
         """How sure a look is, of the part of the target's box into which no other one reaches."""
-        return self.usual.confidence(look) / self._contours.others.free
+        return self.usual.confidence(self._as_if_free(look))
+
+    def _as_if_free(self, look: Look) -> Look:
+        """A look with as many events as if no other target reached into the box, so that what is usual stays that of
+        all of it. The score is of what is seen: it hardly depends on how much that is."""
+        return look._replace(events=look.events / self._contours.others.free)
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
         """A target that was slowing down stands still now; one that was not has vanished."""
@@ -208,7 +213,7 @@ class Following:
         body.go_to(x + trust * (look.x - x), y + trust * (look.y - y), stamp_ns, trust)
         if doubt == 0:
             self._doubts.believe(elapsed_s)
-            self.usual.learn(look)
+            self.usual.learn(self._as_if_free(look))
             self.motion.learn_jump(jump_px)
             self.settling = max(0, self.settling - 1)
         if not self.settling and (doubt == 0 or (trust > TRUST_MIN and jump_px < CHANGING_PX)):

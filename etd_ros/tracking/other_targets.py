@@ -43,7 +43,8 @@ class OtherBoxes:
     """The boxes of other targets near one.
 
     Attributes:
-        free: the share of its own box that none of them reaches into; 1 where they would leave too little.
+        free: the share of its own box that none of them reaches into, or less where they overlap there; 1 where they
+            would leave too little.
     """
 
     def __init__(self) -> None:
@@ -98,7 +99,7 @@ class OtherTargets:
 
 def _tell(targets: Sequence[Placed], moving: Float64Array, stamp_ns: int) -> None:
     """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
-    own is free of them."""
+    own is free of them: what two of them have in common counts twice."""
     near_sides, sizes = moving[:, :2], moving[:, 2:4]
     far_sides = near_sides + sizes
     common = np.minimum(far_sides[:, None], far_sides) - np.maximum(near_sides[:, None], near_sides)

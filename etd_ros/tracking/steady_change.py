@@ -17,7 +17,8 @@ TOLD_GAIN = 0.5
 class SteadyChange:
     """Learns a rate from what looks say that a part is off by.
 
-    Looks do not change it until the misfits of a while agree: noise must not turn what does not turn.
+    Looks do not begin it, nor change what `correct` has begun, until the misfits of a while agree: noise must not turn
+    what does not turn.
 
     Attributes:
         per_s: the rate.
@@ -45,7 +46,7 @@ class SteadyChange:
         self.per_s += TOLD_GAIN * misfit / AVERAGE_S
 
     def learn(self, misfit: float, elapsed_s: float) -> bool:
-        """Take what a look says that the part is off by, so long after the last one; whether it is known to change."""
+        """Take what a look says that the part is off by, so long after the last one; whether looks are believed."""
         kept = math.exp(-elapsed_s / AGREEING_S)
         self._sum = kept * self._sum + misfit
         self._squares = kept * self._squares + misfit**2

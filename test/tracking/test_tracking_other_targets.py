@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker
 from etd_ros.tracking.contour_kernels import AGE, X, Y
+from etd_ros.tracking.look import Look
 from etd_ros.tracking.other_targets import CHECK_S, FREE_MIN, OtherBoxes, OtherTargets, keep_outside
 
 OWN = Box(100.0, 100.0, 40.0, 20.0)
@@ -177,3 +178,22 @@ def test_of_two_that_overlap_when_they_start_none_is_drawn_along_by_the_other(mo
     assert min(at_the_end(scene, frames).values()) > 0.8
     monkeypatch.setattr(OtherTargets, "take", lambda *_: None)
     assert at_the_end(scene, frames)["back"] < 0.5
+
+
+def confidence_of_a_look(*, is_covered):
+    """That of one and the same look, at a square that moved by itself or half in the box of another target."""
+    scene = scene_of(Waypoint(0, 60, 90), Waypoint(1, 160, 90))
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    box = scene.box("thing", 0.0)
+    tracker.start("thing", box, START_NS)
+    if is_covered:
+        tracker.start("upper half", box._replace(y=box.y - box.h / 2), START_NS)
+    for frame in frames_of(scene):
+        tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    thing = tracker.targets["thing"]
+    assert (thing.others.free < 0.7) == is_covered
+    return thing._following.usual.confidence(Look(0, 0, 1e6, 100.0, 1.0, (1.0, 0.0)))
+
+
+def test_what_is_usual_stays_that_of_the_whole_box_while_another_target_reaches_into_it():
+    assert confidence_of_a_look(is_covered=True) == pytest.approx(confidence_of_a_look(is_covered=False), rel=0.2)
