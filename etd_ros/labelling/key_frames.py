@@ -149,7 +149,8 @@ def read_kept(path: Path) -> KeptLabels:
         digest = content["csv_digest"]
         return KeptLabels(labels, bool(content["is_saved"]), None if digest is None else str(digest))
     except (OSError, ValueError, TypeError, LookupError, RecursionError, LabellingError) as err:
-        msg = f"{path}: holds no usable key frames ({err}): mend it, or remove it to start from the labels beside it"
+        what = f"{path}: holds no key frames that can be used ({err})"
+        msg = f"{what}: mend it, or remove it to start from the labels beside it"
         raise LabellingError(msg) from err
 
 
