@@ -15,6 +15,7 @@ from etd_ros.benchmarking.live_machine import MachineTime
 from etd_ros.benchmarking.live_outcome import Outcome, box_latencies
 from etd_ros.benchmarking.live_process import NODE
 from etd_ros.benchmarking.live_scene import NS_PER_US, LiveScene
+from etd_ros.benchmarking.measure import spread_of
 from etd_ros.benchmarking.report import Row
 from etd_ros.boxes import Box
 from etd_ros.settings import STAGES
@@ -283,10 +284,7 @@ def _told(rate: float, messages_per_s: int) -> str:
 
 def _spread(values: Sequence[float]) -> float | None:
     """Interquartile range over median; None of a single value."""
-    if len(values) < 2:
-        return None
-    low, middle, high = np.percentile(values, (25, 50, 75))
-    return float((high - low) / middle)
+    return spread_of(values) if len(values) > 1 else None
 
 
 def _figure(

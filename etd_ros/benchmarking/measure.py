@@ -34,6 +34,12 @@ class Subject:
     prepare: Callable[[], object] = _nothing
 
 
+def spread_of(values: npt.ArrayLike) -> float:
+    """Interquartile range over median of some values, shape (n,)."""
+    low, middle, high = np.percentile(np.asarray(values, np.float64), (25, 50, 75))
+    return float((high - low) / middle)
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Seconds that a unit of work took, ours and the peer's, a pair per round: float64, shape (rounds,)."""
@@ -49,8 +55,7 @@ class Comparison:
     @property
     def spread(self) -> float:
         """Interquartile range over median of our times."""
-        low, middle, high = np.percentile(self.ours_s, (25, 50, 75))
-        return float((high - low) / middle)
+        return spread_of(self.ours_s)
 
 
 def compare(ours: Subject, peer: Subject | None, rounds: int) -> Comparison:

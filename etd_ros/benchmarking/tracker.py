@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.benchmarking.event_path import Effort
+from etd_ros.benchmarking.measure import spread_of
 from etd_ros.benchmarking.report import Row
 from etd_ros.benchmarking.streams import RECORDINGS, recorded
 from etd_ros.boxes import Box
@@ -107,8 +108,7 @@ def _start(sensor: tuple[int, int], effort: Effort) -> Row:
     ms = [float(_steps_ms(events, [box]).sum()) for _ in range(effort.rounds)]
     value = float(np.median(ms))
     told = f"{box.w:.0f}x{box.h:.0f} px target, its first {START_S} s"
-    spread = float(np.subtract(*np.percentile(ms, [75, 25])) / value)
-    return Row("tracker_start", f"{sensor[0]}x{sensor[1]}", value, MS, None, None, None, told, spread)
+    return Row("tracker_start", f"{sensor[0]}x{sensor[1]}", value, MS, None, None, None, told, spread_of(ms))
 
 
 def _csrt_ms(events: Events, box: Box) -> Milliseconds:
@@ -145,13 +145,11 @@ def _many(events: Events, effort: Effort) -> Iterator[Row]:
         _steps_ms(events, boxes)
         factors.append(recorded_s / (time.perf_counter() - before))
     sensor = f"{events.width}x{events.height}"
-    spread = float(np.subtract(*np.percentile(factors, [75, 25])) / np.median(factors))
     value = float(np.median(factors))
-    yield Row("tracker_20_targets", sensor, value, "x real time", None, None, None, RECORDING, spread)
+    yield Row("tracker_20_targets", sensor, value, "x real time", None, None, None, RECORDING, spread_of(factors))
 
 
 def _row(what: str, ours: list[np.floating[Any]], peer: np.floating[Any]) -> Row:
     value = float(np.median(ours))
-    spread = float(np.subtract(*np.percentile(ours, [75, 25])) / value)
     name, sensor = "OpenCV CSRT", f"{DAVIS[0]}x{DAVIS[1]}"
-    return Row(what, sensor, value, MS, name, float(peer), float(peer) / value, "40 px target", spread)
+    return Row(what, sensor, value, MS, name, float(peer), float(peer) / value, "40 px target", spread_of(ours))
