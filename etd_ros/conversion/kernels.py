@@ -40,7 +40,7 @@ GROWTH_MAX = 8
 """Where NZGE may have reached alpha, a frame does not grow by more than one in so many of its events without a look."""
 
 SAMPLE_CELLS_MIN = 256
-"""Cells with events from which on a sample pays."""
+"""Cells with events from which on a sample pays, or what is expected is believed: of less, each stride is checked."""
 
 SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
@@ -50,6 +50,10 @@ SAMPLE_PAIRS_MIN, PATIENCE = 25, 128
 number) where they are strewn. From then on a frame waits until NZGE has most likely reached alpha, but not for more
 than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
 """
+
+SURPRISE_MAX = 0.004
+"""A frame is expected to lose what the last one did where that had lost what was expected, to this share of its
+entropy. Else a sample tells."""
 
 FULL_EVENTS = 12
 """A frame of more events than so many to each cell with events is full: its cells hold few levels. No trigger lets it
@@ -92,6 +96,11 @@ STATE_DTYPE = np.dtype(
         ("unsure", "<f8"),
         ("without_entropy", "<f8"),
         ("failed", "<i8"),
+        ("below", "<i8"),
+        ("expected", "<f8"),
+        ("expected_without", "<f8"),
+        ("expected_events", "<i8"),
+        ("surprise", "<f8"),
         ("block_first", "<i8"),
         ("block_stop", "<i8"),
         ("previous_ns", "<i8"),
@@ -107,8 +116,12 @@ STATE_DTYPE = np.dtype(
 Its events; of the cells that count, those with events, and the sum of their channels' entropies as if all levels were
 distinct; the number of the event at which to look at NZGE next. At the last look at levels, a sample or an exact
 check: its event (0: none yet), what the sum had lost, how much more it may have lost (`unsure`), and the cells that had
-events but no entropy. From which event on NZGE may have reached alpha (`near`, 0: it has not yet). Exact checks that
-found less than alpha.
+events but no entropy. From which event on NZGE has most likely reached alpha (`near`, 0: it has not yet). Exact checks
+that found less than alpha, and up to which event NZGE is known to be below alpha (`below`, 0: no bound has let it reach
+that yet).
+
+What the last frame had lost at its end, as a share of that sum, and its share of cells without entropy; its events
+(0: none is known); by how much its lost share was another one than expected (`surprise`).
 
 The first event of the block of the batch whose slots the map holds, and the one behind its last: frames end within
 blocks, which are not begun anew for the next one.
@@ -118,7 +131,7 @@ min_duration_ns after the frame's start at the earliest, or max_duration_ns. All
 Python less to hand over than a number each. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
+EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0, 0.0, 0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
 """Of a frame that nothing ends but its longest duration."""
 
 
@@ -181,6 +194,19 @@ def _look_at_sample(cells: CellMap, state: npt.NDArray[np.void], duration_ns: in
 
 
 @kernel_part
+def _expect_the_same(state: npt.NDArray[np.void]) -> None:
+    """Expect the next frame to lose what this one has lost at its end."""
+    if state[0].entropy == 0:
+        return
+    lost = state[0].lost / state[0].entropy
+    expected = state[0].expected * state[0].events / max(state[0].expected_events, 1)
+    state[0].surprise = abs(lost - expected)
+    state[0].expected = lost
+    state[0].expected_without = state[0].without_entropy / state[0].counted
+    state[0].expected_events = state[0].events
+
+
+@kernel_part
 def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     """Forget the frame's events."""
     cells.words[:] = 0
@@ -195,6 +221,7 @@ def _clear(cells: CellMap, state: npt.NDArray[np.void]) -> None:
     state[0].unsure = 0.0
     state[0].without_entropy = 0.0
     state[0].failed = 0
+    state[0].below = 0
 
 
 @borrowing_kernel
@@ -281,6 +308,7 @@ def _advance(
         if strides == 0:
             nzge = _read_out(cells, state, duration_ns, False, data)
             if is_late or nzge >= alpha:
+                _expect_the_same(state)
                 _clear(cells, state)
                 return (BY_TIME, i, t[i], nzge, events) if is_late else (BY_NZGE, i, t[i - 1], nzge, events)
             strides = _fail(state, check_stride)
@@ -307,17 +335,27 @@ def _strides_below(
     is_bound = per_cell <= cells.entropy_full
     if is_bound and missing > 0:
         return max(1, int(missing / gain_max))
-    if state[0].looked == 0:
-        if state[0].counted < SAMPLE_CELLS_MIN:
-            return 0
-        _look_at_sample(cells, state, duration_ns, data)
-    missing = (state[0].counted - state[0].without_entropy) * per_cell - (state[0].entropy - state[0].lost)
-    room = state[0].looked + state[0].looked // GROWTH_MAX - state[0].events
-    if missing <= 0:
-        if state[0].near == 0:
-            state[0].near = state[0].events
-        missing += state[0].unsure
-        room = min(room, state[0].near + state[0].near // PATIENCE - state[0].events)
+    if state[0].below == 0 or (state[0].looked == 0 and not is_bound):
+        state[0].below = state[0].events
+    room = state[0].below + state[0].below // GROWTH_MAX - state[0].events
+    if state[0].looked == 0 and state[0].counted < SAMPLE_CELLS_MIN:
+        return 0
+    is_expected = state[0].expected_events > 0 and state[0].surprise <= SURPRISE_MAX
+    if state[0].looked == 0 and is_bound and is_expected:
+        # Two events lose something together, so that the share of what is lost grows with their number.
+        share = state[0].expected * state[0].events / state[0].expected_events + state[0].surprise
+        with_entropy = state[0].counted * (1 - state[0].expected_without)
+        missing = with_entropy * per_cell - state[0].entropy * (1 - share)
+    else:
+        if state[0].looked == 0:
+            _look_at_sample(cells, state, duration_ns, data)
+        with_entropy = state[0].counted - state[0].without_entropy
+        missing = with_entropy * per_cell - (state[0].entropy - state[0].lost)
+        if missing <= 0:
+            if state[0].near == 0:
+                state[0].near = state[0].events
+            missing += state[0].unsure
+            room = min(room, state[0].near + state[0].near // PATIENCE - state[0].events)
     if missing <= 0 or room <= 0:
         return 0
     return max(1, int(min(missing / gain_max, room / check_stride)))
@@ -327,6 +365,7 @@ def _strides_below(
 def _fail(state: npt.NDArray[np.void], check_stride: int) -> int:
     """Note an exact check that found less than alpha; strides to the next one."""
     state[0].failed += 1
+    state[0].below = state[0].events
     doubled = 1 << min(max(int(state[0].failed) - CHECKS_AT_STRIDE, 0), 30)
     return max(1, min(doubled, int(state[0].events) // (GROWTH_MAX * check_stride)))
 
