@@ -5,8 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from etd_ros.boxes import Box
 from etd_ros.conversion.batches import BEFORE_ALL_NS, check_batch, not_following, not_of_sensor
 from etd_ros.conversion.cell_map import CellStore, cell_rectangles, cells_in, count_in, make_cell_map
@@ -14,14 +12,13 @@ from etd_ros.conversion.frame import ENDED_BY_TIME, Frame, FrameEnd
 from etd_ros.conversion.frame_buffers import FrameBuffers
 from etd_ros.conversion.kernels import (
     BY_TIME,
-    EMPTY_STATE,
     NO_END,
     NOT_FOLLOWING,
     NOT_PLAIN,
-    STATE_DTYPE,
     Step,
     advance,
     advance_plain,
+    empty_state,
     finish,
 )
 from etd_ros.conversion.nzge import CELL_SIZE, LOG_BASE
@@ -55,7 +52,7 @@ class FrameAccumulator:
         self.width = width
         self.height = height
         self.store: CellStore = make_cell_map(width, height, cell_size, log_base)
-        self.state = np.array([EMPTY_STATE], STATE_DTYPE)
+        self.state = empty_state()
         self._buffers = FrameBuffers(width, height, len(cells_in(self.store).sample))
         self.start_ns = 0
         self._cell_size = cell_size
@@ -176,6 +173,7 @@ class FrameAccumulator:
         finish.call(self.store, self.state, 0, self._buffers.memory)
         self._buffers.clear()
         self.state["previous_ns"] = BEFORE_ALL_NS
+        self.state["expected"], self.state["expected_events"] = 0.0, 0
         self._has_begun = False
 
 

@@ -40,7 +40,7 @@ GROWTH_MAX = 8
 """Where NZGE may have reached alpha, a frame does not grow by more than one in so many of its events without a look."""
 
 SAMPLE_CELLS_MIN = 256
-"""Cells with events from which on a sample pays, or what is expected is believed: of less, each stride is checked."""
+"""Cells with events from which on a sample pays: of fewer, each stride is checked."""
 
 SAMPLE_TRUST = 0.9
 """Share of the sample's loss that is believed, as it may err: rather a check too many than a frame too late."""
@@ -51,9 +51,10 @@ number) where they are strewn. From then on a frame waits until NZGE has most li
 than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
 """
 
-SURPRISE_MAX = 0.004
+SURPRISE_MAX, EXPECTING_EVENTS_MIN = 0.004, 2000
 """A frame is expected to lose what the last one did where that had lost what was expected, to this share of its
-entropy. Else a sample tells."""
+entropy. Else a sample tells, as it does for frames of fewer events: of those a stride is a large part.
+"""
 
 FULL_EVENTS = 12
 """A frame of more events than so many to each cell with events is full: its cells hold few levels. No trigger lets it
@@ -131,8 +132,13 @@ min_duration_ns after the frame's start at the earliest, or max_duration_ns. All
 Python less to hand over than a number each. The last field is empty (`source_digest`).
 """
 
-EMPTY_STATE = (0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0, 0.0, 0, 0, BEFORE_ALL_NS, 0, DURATION_MAX_NS, 1.0, NO_CHECKS, 0)
-"""Of a frame that nothing ends but its longest duration."""
+
+def empty_state() -> npt.NDArray[np.void]:
+    """That of a frame that nothing ends but its longest duration, and before which there was none; shape (1,)."""
+    state = np.zeros(1, STATE_DTYPE)
+    state["previous_ns"], state["max_duration_ns"] = BEFORE_ALL_NS, DURATION_MAX_NS
+    state["alpha"], state["check_stride"] = 1.0, NO_CHECKS
+    return state
 
 
 @kernel_part
@@ -341,7 +347,7 @@ def _strides_below(
     if state[0].looked == 0 and state[0].counted < SAMPLE_CELLS_MIN:
         return 0
     is_expected = state[0].expected_events > 0 and state[0].surprise <= SURPRISE_MAX
-    if state[0].looked == 0 and is_bound and is_expected:
+    if state[0].looked == 0 and is_bound and is_expected and state[0].events >= EXPECTING_EVENTS_MIN:
         # Two events lose something together, so that the share of what is lost grows with their number.
         share = state[0].expected * state[0].events / state[0].expected_events + state[0].surprise
         with_entropy = state[0].counted * (1 - state[0].expected_without)

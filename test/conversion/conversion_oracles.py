@@ -184,10 +184,12 @@ def first_check_that_reaches(events, *, alpha, stride):
     return None
 
 
-def levels_of(events):
-    """Frame data of all events, quickly: `closed_form` in whole numbers."""
+def levels_of(events, start_ns=None):
+    """Frame data of all events, quickly: `closed_form` in whole numbers; the frame starts with the first event unless
+    said otherwise."""
+    start_ns = int(events.t[0]) if start_ns is None else start_ns
     data = np.zeros((events.height, events.width, 2), np.uint8)
-    since, duration = events.t - events.t[0], int(events.t[-1] - events.t[0])
+    since, duration = events.t - start_ns, int(events.t[-1]) - start_ns
     data[events.y, events.x, 1 - events.p.astype(int)] = np.maximum(1, (510 * since + duration) // (2 * duration))
     return data
 

@@ -10,6 +10,7 @@ from conversion_oracles import (
     first_check_that_reaches,
     frames_of,
     histogram_nzge,
+    levels_of,
     literal_atsltd,
     make_events,
     random_events,
@@ -22,7 +23,7 @@ from etd_ros.conversion import AtsltdConfig, AtsltdConverter, BackgroundActivity
 from etd_ros.conversion.accumulator import FrameAccumulator
 from etd_ros.conversion.atsltd import NZGE_MIN
 from etd_ros.conversion.cell_map import BLOCK_EVENTS
-from etd_ros.events import Events
+from etd_ros.events import Events, concatenate
 from etd_ros.parameters import ParameterError
 
 MS = 1_000_000
@@ -200,6 +201,33 @@ def test_frames_end_within_an_eighth_of_their_events_of_the_definition_whatever_
         assert frame is None
     else:
         assert plain <= frame.events <= plain * 9 / 8 + 2 * 50
+
+
+@pytest.mark.parametrize("kind", ["nothing", "panel", "stripes"])
+def test_so_do_frames_after_others_that_lost_less_or_more(kind):
+    quiet = random_events(12, 60_000, 160, 96, 20 * MS)
+    flashing = with_flash(random_events(13, 60_000, 160, 96, 20 * MS), lit_part(kind, 160, 96))
+    flashing.t[:] += quiet.t[-1] - flashing.t[0] + 1000
+    events = concatenate([quiet, flashing])
+    first = 0
+    frames = list(AtsltdConverter(160, 96, AtsltdConfig(max_duration_s=1.0)).convert(events))
+    assert len(frames) >= 8
+    for frame in frames:
+        content = events[first : first + frame.events]
+        first += frame.events
+        checks = range(50, frame.events + 1, 50)
+        plain = next(n for n in checks if nzge(levels_of(content[:n], frame.start_ns)) >= 0.0832)
+        assert frame.events <= plain * 9 / 8 + 2 * 50
+
+
+def test_after_a_reset_nothing_is_expected_of_a_frame():
+    plain = random_events(12, 60_000, 160, 96, 20 * MS)
+    # Of few levels, so that all frames lose much, and as much as each other.
+    coarse = dataclasses.replace(plain, t=plain.t // 100_000 * 100_000)
+    converter = AtsltdConverter(160, 96)
+    assert len(frames_of(converter, [coarse])) >= 3
+    converter.reset()
+    assert_same_frames(frames_of(converter, [plain]), frames_of(AtsltdConverter(160, 96), [plain]))
 
 
 def test_exact_halves_are_rounded_up():

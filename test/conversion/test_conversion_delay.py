@@ -65,8 +65,9 @@ def delays(events, every, limit):
         (lambda: slider_depth_events(60), 3, 16),
         (lambda: first_events(DATA / "traffic" / "traffic.mcap", 60_000), 10, 10),
         (lambda: first_events(DATA / "drivers" / "libcaer_cmp_346x260", 300_000), 3, 8),
+        (lambda: synthetic("noisy contours", 240, 180, 150_000, 10_000_000).events, 2, 6),
     ],
-    ids=["slider_depth", "traffic", "libcaer_cmp"],
+    ids=["slider_depth", "traffic", "libcaer_cmp", "noisy contours"],
 )
 def test_frames_end_within_a_few_strides_of_the_definition(load, every, limit):
     found = delays(load(), every, limit)
@@ -95,3 +96,19 @@ def test_where_a_sample_is_sure_checks_of_all_cells_hardly_ever_fail():
     assert frames >= 15
     # 5 where nine tenths of a sample's loss are believed.
     assert failed <= 2
+
+
+def test_where_frames_lose_what_the_last_ones_did_hardly_any_takes_a_sample_or_fails_a_check():
+    stream = synthetic("noisy contours", 240, 180, 300_000, 10_000_000)
+    converter = AtsltdConverter(240, 180)
+    state = converter._accumulator.state
+    frames = failed = sampled = 0
+    for first in range(0, len(stream.events), STRIDE):
+        failed_before, looked_before = int(state["failed"][0]), int(state["looked"][0])
+        frames += len(list(converter.convert(stream.events[first : first + STRIDE])))
+        failed += max(0, int(state["failed"][0]) - failed_before)
+        sampled += looked_before == 0 < int(state["looked"][0]) and int(state["failed"][0]) == 0
+    assert frames >= 20
+    # 7 fail, and all of 27 take a sample, where nothing is expected.
+    assert failed <= frames / 8
+    assert sampled <= frames / 8
