@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from etd_ros.tracking.arrivals import Arrivals, Side
 from etd_ros.tracking.body import Standing, moved_on
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours
@@ -103,7 +104,7 @@ class ContourSearch:
         usual_speed_px_s: float,
         stamp_ns: int,
         *,
-        has_left: bool,
+        left_over: Side | None,
         has_gap: bool,
     ) -> None:
         """Begin a search.
@@ -115,7 +116,7 @@ class ContourSearch:
             before: where it stood when it was seen last.
             usual_speed_px_s: how fast it usually moves.
             stamp_ns: now.
-            has_left: whether it left over the sensor's border: it comes back over it.
+            left_over: the border of the sensor over which it left, if it did: it comes back over it.
             has_gap: whether it is lost because events were missing.
         """
         self._contours = contours
@@ -123,11 +124,12 @@ class ContourSearch:
         self._usual = usual
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
-        self._has_left = has_left
+        self._has_left = left_over is not None
+        self._arrivals = left_over and Arrivals(surface, left_over, contours.body, before, usual_speed_px_s)
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
         # What has left comes back.
-        self._expected_velocity = -before.velocity if has_left else before.velocity
+        self._expected_velocity = -before.velocity if self._has_left else before.velocity
         self._at_rest = np.zeros(2)
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
@@ -164,6 +166,8 @@ class ContourSearch:
         for place in self._places():
             box = body.box_at(place.x, place.y, MARGIN)
             surface.keep_too(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
+        if self._arrivals is not None:
+            self._arrivals.keep()
 
     def found(self) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then."""
@@ -263,10 +267,11 @@ class ContourSearch:
         return min(RADIUS_PX + self._growth_px_s * place.unseen_s, self._radius_max_px)
 
     def _look_round(self) -> _WideLook:
-        """The best place in a region that grows."""
+        """The best place where something comes in over the border it left over, or else in a region that grows."""
         contours, places = self._contours, self._places()
         self._looked_round_ns = self._surface.stamp_ns
-        place = places[self._turn % len(places)]
+        arrival = self._arrivals.newest() if self._arrivals is not None else None
+        place = places[self._turn % len(places)] if arrival is None else _Place(*arrival, self.since_s)
         look = contours.look_at(self._surface, place.x, place.y, self._radius_px(place))
         return _WideLook(look, place, float(np.hypot(look.x - place.x, look.y - place.y)) < HERE_PX)
 

@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.arrivals import Side, side_of
 from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
@@ -224,7 +225,7 @@ class ContourTarget:
         self._following.motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._doubts.stand_here()
-            self._search_from(stamp_ns, has_left=False)
+            self._search_from(stamp_ns, None)
 
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
@@ -301,6 +302,7 @@ class ContourTarget:
         seen since `since_ns` (ns), by default until now."""
         contours, body, doubts = self._contours, self._body, self._doubts
         is_off = not self._surface.holds(*body.pose[:2])
+        side = side_of(body.box, self._surface.width, self._surface.height)
         if since_ns is None:
             doubts.doubt(0.0)
         contours.is_changing, contours.least_speed_px_s = False, 0.0
@@ -314,12 +316,13 @@ class ContourTarget:
             contours.restore_memories()
         contours.uncover()
         self._images.begin(stamp_ns)
+        left_over = side if has_left else None
         if since_ns is None:
-            self._search_from(stamp_ns, has_left=has_left)
+            self._search_from(stamp_ns, left_over)
         else:
-            self._search_from(since_ns, has_left=has_left, has_gap=True)
+            self._search_from(since_ns, left_over, has_gap=True)
 
-    def _search_from(self, stamp_ns: int, *, has_left: bool, has_gap: bool = False) -> None:
+    def _search_from(self, stamp_ns: int, left_over: Side | None, *, has_gap: bool = False) -> None:
         self._search = ContourSearch(
             self._contours,
             self._surface,
@@ -327,7 +330,7 @@ class ContourTarget:
             self._doubts.before,
             self._following.motion.speed_px_s,
             stamp_ns,
-            has_left=has_left,
+            left_over=left_over,
             has_gap=has_gap,
         )
 

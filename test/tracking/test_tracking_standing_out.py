@@ -7,6 +7,7 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.tracking import contour_search
+from etd_ros.tracking.arrivals import Side
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import ContourSearch, _Place, _Seen, _WideLook
@@ -69,7 +70,8 @@ def search_at_left_border(*, has_left):
     contours.body.velocity[:] = -100.0, 0.0
     before = Standing.of(contours.body)
     surface = TimeSurface(WIDTH, HEIGHT)
-    return ContourSearch(contours, surface, UsualLooks(), before, 100.0, 0, has_left=has_left, has_gap=False)
+    left_over = Side.LEFT if has_left else None
+    return ContourSearch(contours, surface, UsualLooks(), before, 100.0, 0, left_over=left_over, has_gap=False)
 
 
 def seen(velocity):
