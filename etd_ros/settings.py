@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,9 @@ STAGES: dict[str, type[Parameters]] = {
 }
 """Configuration class of each stage, in the order of the flow."""
 
+STAGE_LIKENESS_MIN = 0.8
+"""How much a name in a file is like a stage's, as difflib has it, to be taken for that, misspelt."""
+
 
 def described_settings(stages: tuple[str, ...] = tuple(STAGES)) -> Iterator[tuple[str, Any, Description]]:
     """(full name, default, description) of every parameter of the stages."""
@@ -78,7 +82,8 @@ def read_parameter_file(path: Path) -> dict[str, Any]:
     """Full names and values from a ROS 2 parameter file; the stages are taken from every node in it.
 
     Raises:
-        ParameterError: the file is missing, is not YAML, or holds no `ros__parameters`.
+        ParameterError: the file is missing, is not YAML, holds no `ros__parameters` or none of the stages, or a name
+            that is nearly one of theirs.
     """
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -93,8 +98,27 @@ def read_parameter_file(path: Path) -> dict[str, Any]:
     if not nodes:
         msg = f"{path}: holds no ros__parameters mapping: write one as in config/etd_ros.yaml"
         raise ParameterError(msg)
-    flat = [item for node in nodes for item in _flatten(node, "")]
-    return {name: value for name, value in flat if name.partition(".")[0] in STAGES and "." in name}
+    flat = dict(item for node in nodes for item in _flatten(node, ""))
+    of_stages = {name: value for name, value in flat.items() if name.partition(".")[0] in STAGES and "." in name}
+    _refuse_misspelt(path, flat.keys() - of_stages.keys())
+    if not of_stages:
+        msg = f"{path}: holds no parameter of the method: `python -m etd_ros parameters` lists them"
+        raise ParameterError(msg)
+    return of_stages
+
+
+def _refuse_misspelt(path: Path, others: Iterable[str]) -> None:
+    """Of what is of no stage only what has nearly the name of one is wrong: files for several nodes hold what is of the
+    nodes alone, and of other packages."""
+    for name in sorted(others):
+        stage, dot, rest = name.partition(".")
+        near = difflib.get_close_matches(stage, STAGES, n=1, cutoff=STAGE_LIKENESS_MIN) if dot else []
+        if near:
+            msg = (
+                f"{path}: unknown parameter {name!r} (is {near[0]}.{rest} meant?): `python -m etd_ros parameters` "
+                "lists them"
+            )
+            raise ParameterError(msg)
 
 
 def _node_parameters(document: Any) -> Iterator[Mapping[str, Any]]:

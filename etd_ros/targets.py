@@ -71,6 +71,16 @@ def check_start(start: _Start, first_event_ns: int) -> None:
         raise TargetError(msg)
 
 
+def late_starts(starts: Iterable[_Start], last_frame_ns: int) -> list[str]:
+    """What there is to say of starts after a recording's last frame (ns), which no frame has reached: a line each."""
+    return [
+        f"target {start.name!r} starts at {start.stamp_ns} ns, after the last frame at {last_frame_ns} ns, and is not "
+        "tracked: give a stamp on the events' clock"
+        for start in starts
+        if start.stamp_ns > last_frame_ns
+    ]
+
+
 def targets_from_file(path: Path) -> list[TargetStart]:
     """Targets at the first row of each name in a BOXES.csv, of the class that it has there.
 

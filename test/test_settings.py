@@ -49,7 +49,13 @@ def test_the_readme_lists_every_parameter(repository):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("a: [", "is not YAML"), ("a: 1", "holds no ros__parameters"), ("", "holds no ros__parameters")],
+    [
+        ("a: [", "is not YAML"),
+        ("a: 1", "holds no ros__parameters"),
+        ("", "holds no ros__parameters"),
+        ("/**: {ros__parameters: {tagets: 1, bias: {x: 2}}}", "holds no parameter of the method"),
+        ("/**: {ros__parameters: {nose_filter: {window_s: 0.1}}}", "is noise_filter.window_s meant"),
+    ],
 )
 def test_a_parameter_file_that_is_none_is_named(tmp_path, text, words):
     path = tmp_path / "parameters.yaml"
@@ -57,6 +63,16 @@ def test_a_parameter_file_that_is_none_is_named(tmp_path, text, words):
     with pytest.raises(ParameterError, match=words) as caught:
         read_parameter_file(path)
     assert str(path) in str(caught.value)
+
+
+def test_what_a_parameter_file_holds_for_other_nodes_is_passed_over(tmp_path):
+    path = tmp_path / "parameters.yaml"
+    path.write_text(
+        "/**: {ros__parameters: {auto: true, noise_filter: {window_s: 0.1}}}\n"
+        "/camera: {ros__parameters: {bias: {diff_on: 2}, filter: {window_s: 1.0},"
+        " qos_overrides: {/events: {publisher: {depth: 5}}}}}\n"
+    )
+    assert read_parameter_file(path) == {"noise_filter.window_s": 0.1}
 
 
 def test_a_missing_parameter_file_is_named(tmp_path):

@@ -24,8 +24,16 @@ from etd_ros.rerun_log import SPAWN, check_rerun, rerun_log
 from etd_ros.settings import Settings, read_parameter_file, settings_from_mapping
 from etd_ros.systems.interface import CompareError
 from etd_ros.systems.registry import SYSTEMS, system_named
-from etd_ros.targets import TargetError, parse_click, parse_target, targets_from_file, unique_targets
-from etd_ros.tracking import DEFAULT_METHOD
+from etd_ros.targets import (
+    TargetError,
+    TargetStart,
+    late_starts,
+    parse_click,
+    parse_target,
+    targets_from_file,
+    unique_targets,
+)
+from etd_ros.tracking import DEFAULT_METHOD, Click
 from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
 Truth = Mapping[str, Sequence[TimedBox]]
@@ -127,7 +135,9 @@ def run(options: argparse.Namespace) -> int:
             if is_engines
             else compared_steps(recording, targets, options.method, settings)
         )
+        last_frame_ns = None
         for step in steps:
+            last_frame_ns = step.stamp_ns
             tracks.write_reports(step.stamp_ns, step.reports)
             for notice in step.notices:
                 print(notice, file=sys.stderr)
@@ -135,10 +145,25 @@ def run(options: argparse.Namespace) -> int:
                 video.add(step.stamp_ns, step.picture, step.reports, step.image)
             if log is not None:
                 log.add(step.stamp_ns, step.picture, step.reports, step.image, step.nzge)
+        if last_frame_ns is not None:
+            _tell_late([*targets, *clicks], last_frame_ns, is_auto=options.auto)
     if plotted is not None:
         of_targets = overlaps(read_tracks(options.output), plotted)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
     return 0
+
+
+def _tell_late(starts: Sequence[TargetStart | Click], last_frame_ns: int, *, is_auto: bool) -> None:
+    """Say which targets start after the last frame (ns).
+
+    Raises:
+        TargetError: all do, so that nothing was tracked.
+    """
+    late = late_starts(starts, last_frame_ns)
+    if late and len(late) == len(starts) and not is_auto:
+        raise TargetError(late[0])
+    for line in late:
+        print(line, file=sys.stderr)
 
 
 def _check_compared(options: argparse.Namespace) -> None:

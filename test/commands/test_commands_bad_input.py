@@ -100,6 +100,7 @@ def test_an_impossible_size_is_refused(capsys, place, tmp_path, size):
         ("thing:10,10,20,-1", ("thing", "no area")),
         ("thing:10,10,nan,20", ("thing", "not finite")),
         (f"thing:10,10,20,20@{command_bags.START_NS // 2}", ("thing", "before the first event")),
+        (f"thing:10,10,20,20@{command_bags.START_NS + 10**12}", ("thing", "after the last frame")),
         ("thing:10,10,20", ("thing:10,10,20", "NAME:X,Y,W,H")),
         ("10,10,20,20", ("10,10,20,20", "NAME:X,Y,W,H")),
         (":10,10,20,20", ("needs a name",)),

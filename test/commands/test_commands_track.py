@@ -241,6 +241,18 @@ def test_moving_objects_are_tracked_without_any_target_given(repository, tmp_pat
     assert found
 
 
+def test_a_target_after_the_recording_is_told_and_the_others_are_tracked(tmp_path, capsys):
+    bag = command_bags.sound(tmp_path / "bag")
+    late = f"late:10,10,20,20@{command_bags.START_NS + 10**12}"
+    tracks = tmp_path / "tracks.csv"
+    arguments = ["track", str(bag), "--target", "thing:10,10,20,20", "--target", late, "--output", str(tracks)]
+    assert main(arguments) == 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "late" in line]
+    assert "after the last frame" in line
+    assert "events' clock" in line
+    assert any(box.box is not None for box in read_tracks(tracks)["thing"])
+
+
 def test_a_click_is_tracked_and_one_in_vain_is_told(repository, tmp_path, capsys):
     output = tmp_path / "tracks.csv"
     demo = repository / "bags" / "demo"
