@@ -65,8 +65,9 @@ class Viewer:
         return self._log.stat().st_size
 
     def stop(self) -> None:
-        """Have it stand still."""
+        """Have it stand still, and wait until it does: it may be about to print a dot."""
         self._process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
     def go_on(self) -> None:
         """Have it read on."""
