@@ -74,8 +74,14 @@ def from_mapping(config: type[T], values: Mapping[str, Any]) -> T:
 
 def meant(name: str, known: Iterable[str]) -> str:
     """After a name that is not known, for a message: which one may be meant, "" if none is like it."""
-    near = difflib.get_close_matches(name, known, n=1)
-    return f" (is {near[0]} meant?)" if near else ""
+    near = nearest(name, known)
+    return f" (is {near} meant?)" if near else ""
+
+
+def nearest(name: str, known: Iterable[str], likeness_min: float = 0.6) -> str | None:
+    """The known name that is most like another one, if it is so much so (0 to 1, as difflib has it)."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness_min)
+    return near[0] if near else None
 
 
 def kind_of(default: Any) -> str:

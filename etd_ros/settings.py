@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,7 @@ import yaml
 
 from etd_ros.conversion import AtsltdConfig, FixedCountConfig, FixedWindowConfig, NoiseFilterConfig
 from etd_ros.detection import EdgeBoxesConfig
-from etd_ros.parameters import Description, ParameterError, Parameters, described, from_mapping, meant
+from etd_ros.parameters import Description, ParameterError, Parameters, described, from_mapping, meant, nearest
 from etd_ros.reconstruction import HighPassConfig
 from etd_ros.recovery import RecoveryConfig
 from etd_ros.stream import StreamConfig
@@ -112,10 +111,10 @@ def _refuse_misspelt(path: Path, others: Iterable[str]) -> None:
     nodes alone, and of other packages."""
     for name in sorted(others):
         stage, dot, rest = name.partition(".")
-        near = difflib.get_close_matches(stage, STAGES, n=1, cutoff=STAGE_LIKENESS_MIN) if dot else []
+        near = nearest(stage, STAGES, STAGE_LIKENESS_MIN) if dot else None
         if near:
             msg = (
-                f"{path}: unknown parameter {name!r} (is {near[0]}.{rest} meant?): `python -m etd_ros parameters` "
+                f"{path}: unknown parameter {name!r} (is {near}.{rest} meant?): `python -m etd_ros parameters` "
                 "lists them"
             )
             raise ParameterError(msg)
