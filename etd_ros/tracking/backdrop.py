@@ -123,6 +123,10 @@ class Backdrop:
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
 
+    def is_with(self, velocity: Float64Array, span_s: float) -> bool:
+        """Whether it moves as a target of a velocity (pixels/s) does, as far as a time (s) tells."""
+        return self.is_settled and not self._is_apart(velocity, span_s)
+
     def _is_apart(self, velocity: Float64Array, span_s: float) -> bool:
         """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""
         return self.is_settled and math.dist(self.velocity, velocity) * span_s >= APART_PX

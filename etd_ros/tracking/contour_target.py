@@ -150,7 +150,7 @@ class ContourTarget:
     @property
     def others(self) -> OtherBoxes:
         """The boxes of other targets near it, whose events are not its own."""
-        return self._contours.others
+        return self._contours.own.others
 
     def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
         """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known, or believed so far."""
@@ -211,7 +211,7 @@ class ContourTarget:
             return
         self._body.stamp_ns = self._updated_ns = stamp_ns
         self._contours.stop()
-        self._contours.backdrop.forget()
+        self._contours.own.backdrop.forget()
         if self._start_up is not None:
             # What it has collected is of other times.
             self._start_up = StartUp(self._contours)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.backdrop import Backdrop
 from etd_ros.tracking.body import Body
 from etd_ros.tracking.box_view_kernels import draw_model
 from etd_ros.tracking.contour_config import ContourConfig
@@ -20,8 +19,8 @@ from etd_ros.tracking.look import Look
 from etd_ros.tracking.look_pace import LookPace
 from etd_ros.tracking.memories import Memories, Remembered
 from etd_ros.tracking.misfits import Misfits, Sight
-from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.outline import beyond_box
+from etd_ros.tracking.own_events import OwnEvents
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.turning import TurningByFlow
 from etd_ros.tracking.turning_trial import TurningTrial
@@ -66,7 +65,7 @@ class Contours:
         least_speed_px_s: looks take the events of no more time than if the target were so fast (pixels/s).
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
-        others: the boxes of other targets, whose events are left out.
+        own: which events looks, and what they teach, take.
     """
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
@@ -89,8 +88,7 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
-        self.others = OtherBoxes()
-        self.backdrop = Backdrop((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
+        self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     @property
     def sweep_px_s(self) -> float:
@@ -164,11 +162,8 @@ class Contours:
                 and places twice as far away are looked at.
         """
         radius_px = self.config.search_radius * (2 if any_motion else 1)
-        body = self.body
-        x, y = body.predicted(surface.stamp_ns)
-        if self.backdrop.is_due(surface.stamp_ns, body.velocity, self._span_s(surface.stamp_ns)):
-            window = surface.window(body.box_at(x, y, MARGIN), KEPT_MARGIN_PX)
-            self.backdrop.look(surface, window, np.array([x, y, body.pose[SCALE], 0.0]))
+        self.own.see_backdrop(surface, self.body, self._span_s(surface.stamp_ns))
+        x, y = self.body.predicted(surface.stamp_ns)
         return self.look_at(surface, x, y, radius_px, any_motion=any_motion, own_alone=True)
 
     def look_at(
@@ -198,8 +193,7 @@ class Contours:
         points, count = surface.points(surface.window(box, margin), span_s)
         pose = np.array([x, y, *body.changed(surface.stamp_ns)])
         if own_alone:
-            count = self.others.leave_out(points, count, surface.stamp_ns)
-            count = self.backdrop.keep_own(points, count, pose, body.velocity, span_s)
+            count = self.own.keep(points, count, pose, body.velocity, span_s, surface.stamp_ns)
         maps, norms, velocity, motion = self._maps, self._norms, body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, body.pose, config.ridge_weight,
@@ -239,8 +233,7 @@ class Contours:
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
-        count = self.others.leave_out(points, count, surface.stamp_ns)
-        count = self.backdrop.keep_own(points, count, self.body.pose, self.body.velocity, span_s)
+        count = self.own.keep(points, count, self.body.pose, self.body.velocity, span_s, surface.stamp_ns)
         self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1

@@ -84,7 +84,7 @@ class Following:
         """Look for the target round where it should be at the time of the newest frame (ns), and go there as far as the
         look can be believed."""
         contours, body, doubts = self._contours, self._contours.body, self._doubts
-        contours.is_changing = False
+        contours.is_changing = contours.own.takes_backdrop = False
         # Half-believed looks at what turned round at once take it to stand; the events of more time would be blurred.
         contours.least_speed_px_s = self.motion.speed_px_s if doubts.failing_s > 0 else 0.0
         elapsed_s = body.since_s(stamp_ns)
@@ -137,7 +137,7 @@ class Following:
     def _as_if_free(self, look: Look) -> Look:
         """A look with as many events as if no other target reached into the box, so that what is usual stays that of
         all of it. The score is of what is seen: it hardly depends on how much that is."""
-        return look._replace(events=look.events / self._contours.others.free)
+        return look._replace(events=look.events / self._contours.own.others.free)
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
         """A target that was slowing down stands still now; one that was not has vanished."""
@@ -161,9 +161,15 @@ class Following:
         return self.motion.plausible(math.hypot(look.x - x, look.y - y), body.speed_px_s, unsure_s)
 
     def _best_of_others(self, look: Look, stamp_ns: int) -> Look:
-        """A look, or where that is not sure a better one: at what the target was like lately, as it, or what is behind
-        it, may have changed; or at any motion, as it may have turned."""
+        """A look, or where that is not sure a better one: at the events of what is behind it as well, which may be its
+        own; at what the target was like lately, as it, or what is behind it, may have changed; or at any motion, as it
+        may have turned."""
         contours = self._contours
+        if self.confidence < CONFIDENCE_USUAL and contours.own.may_lack_some(stamp_ns):
+            contours.own.takes_backdrop = True
+            all_events = self._look_here()
+            contours.own.takes_backdrop = self._is_better(all_events, stamp_ns)
+            look = all_events if contours.own.takes_backdrop else look
         if self.confidence < CONFIDENCE_USUAL:
             contours.is_changing = True
             recent = self._look_here()

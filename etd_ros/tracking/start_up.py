@@ -103,7 +103,7 @@ class StartUp:
             # Nothing moved anywhere.
             self._begin(surface.start_ns)
         if not self._rests:
-            self._surroundings.take(surface, self._contours.others)
+            self._surroundings.take(surface, self._contours.own.others)
         elapsed_s = (surface.stamp_ns - self._looked_at_ns) * 1e-9
         self._events_waiting += new_events
         if elapsed_s < LOOK_S and self._events_waiting < LOOK_EVENTS * sum(self._body.size_px):
@@ -135,7 +135,7 @@ class StartUp:
         x, y = body.predicted(surface.stamp_ns)
         window = surface.window(body.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
-        count = contours.others.leave_out(points, count, surface.stamp_ns)
+        count = contours.own.others.leave_out(points, count, surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
         self._collected.take(points[:count], time_s)
         events = self._collected.events
@@ -176,7 +176,7 @@ class StartUp:
 
     def _apart(self, events: Float32Array, time_s: float) -> Apart | None:
         """The target told from what moves as one round it, if that moves otherwise."""
-        backdrop = self._contours.backdrop
+        backdrop = self._contours.own.backdrop
         backdrop.see_start(events, self._pose, time_s)
         if not backdrop.is_settled or len(events) < EVENTS_MIN:
             return None
@@ -190,7 +190,7 @@ class StartUp:
         """Take how fast the target has turned and grown since its start from the flow of its edges; if it has, its
         velocity is that of the flow, too: some shift always agrees best with edges that go round or move apart."""
         config, body = self._contours.config, self._body
-        if time_s <= 0 or self._late_s > LATE_S or self._contours.others.free < 1:
+        if time_s <= 0 or self._late_s > LATE_S or self._contours.own.others.free < 1:
             return
         place = self._pose[:2] + body.velocity * time_s
         x, y = place.tolist()
