@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -61,8 +62,11 @@ class Handheld(SeededScene):
     kind: str
     poster: bool
 
+    stream: ClassVar[int] = STREAM
+    kinds: ClassVar[tuple[str, ...]] = KINDS
+
     def make(self) -> tuple[Scene, SensorConfig]:
-        rng = np.random.default_rng([STREAM, self.seed, self.poster, KINDS.index(self.kind)])
+        rng = np.random.default_rng([self.stream, self.seed, self.poster, self.kinds.index(self.kind)])
         sheet = HEIGHT + 120, WIDTH + 120
         background = photograph(rng, *sheet) if self.poster else 0.8 + 0.02 * smooth_noise(rng, *sheet)
         sprites = []
@@ -125,17 +129,16 @@ def overlaps_of(handheld: Handheld) -> list[tuple[float, float]]:
     return found
 
 
-def all_scenes(seeds: range) -> Iterator[Handheld]:
+def all_scenes(motions: type[Handheld], seeds: range) -> Iterator[Handheld]:
     """Every motion before every sheet."""
     for seed in seeds:
-        for kind in KINDS:
+        for kind in motions.kinds:
             for poster in (False, True):
-                yield Handheld(seed, kind, poster)
+                yield motions(seed, kind, poster)
 
 
-def main() -> None:
+def print_scenes(scenes: Sequence[Handheld]) -> None:
     """Print a line for each motion and sheet."""
-    scenes = list(all_scenes(seeds_asked_for(0, 12)))
     found: dict[str, list[tuple[float, float]]] = {}
     for scene, overlaps in zip(scenes, of_each(overlaps_of, iter(scenes), jobs=2), strict=True):
         for kind in (f"{'poster' if scene.poster else 'shapes'}, {scene.kind}", "all"):
@@ -144,6 +147,11 @@ def main() -> None:
         whole, last = np.array(pairs).T
         held = np.count_nonzero(last >= SUCCESS_IOU)
         sys.stdout.write(f"{kind:20s} {whole.mean():.3f}  {held} of {len(last)}\n")
+
+
+def main() -> None:
+    """Print the lines of all."""
+    print_scenes(list(all_scenes(Handheld, seeds_asked_for(0, 12))))
 
 
 if __name__ == "__main__":

@@ -124,12 +124,12 @@ class ContourSearch:
         self._usual = usual
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
-        self._has_left = left_over is not None
+        self.has_left = left_over is not None
         self._arrivals = left_over and Arrivals(surface, left_over, contours.body, before, usual_speed_px_s)
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
         # What has left comes back.
-        self._expected_velocity = -before.velocity if self._has_left else before.velocity
+        self._expected_velocity = -before.velocity if self.has_left else before.velocity
         self._at_rest = np.zeros(2)
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
@@ -183,11 +183,11 @@ class ContourSearch:
         self._searched_ns = stamp_ns
         look = self._look_again() if self._path else self._begin(self._look_round())
         confidence = confidence_turned = self._usual.confidence_of_lost(look)
-        if not self._has_left:
+        if not self.has_left:
             # At the border, where a camera brings anything in, a known part of the target is not enough.
             confidence_turned = confidence_if_turned(confidence, self._contours, look)
         if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look, is_first=not self._path):
-            if len(self._path) >= FOUND_LOOKS and not self._has_left:
+            if len(self._path) >= FOUND_LOOKS and not self.has_left:
                 self._glimpse = self._path[-1]
             self._look_elsewhere()
             return False
@@ -203,7 +203,7 @@ class ContourSearch:
     def _is_it(self, look: Look) -> bool:
         """Whether a candidate that looks are sure of is the target."""
         velocity = self._path[-1].velocity
-        if self._has_left:
+        if self.has_left:
             return self._comes_in() and self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX)
         return self._is_alone(look, velocity, ELSEWHERE_MAX)
 
@@ -226,7 +226,7 @@ class ContourSearch:
 
     def _is_expected_on_sensor(self) -> bool:
         """Whether its motion, as long as it is believed, would have kept it there."""
-        if self._has_left or self.since_s > COAST_S:
+        if self.has_left or self.since_s > COAST_S:
             return False
         return self._surface.holds(*self._before.predicted(self._surface.stamp_ns))
 
@@ -251,7 +251,7 @@ class ContourSearch:
         since_s = self.since_s
         x, y, _, _ = self._contours.body.pose.tolist()
         places = [_Place(x, y, self._expected_velocity, since_s, is_expected=True)]
-        if not self._has_left:
+        if not self.has_left:
             x, y, _, _ = self._before.pose.tolist()
             places.append(_Place(x, y, self._at_rest, since_s))
         seen = self._path[-1] if self._path else self._glimpse
@@ -280,7 +280,7 @@ class ContourSearch:
         self._path = []
         self._place = wide.place
         # At the border a camera that turns brings much in.
-        is_here = wide.is_here and not self._has_left
+        is_here = wide.is_here and not self.has_left
         self._wanted = CONFIDENCE_FOUND_HERE if is_here else CONFIDENCE_FOUND
         self.is_unsettled = not (wide.place.is_expected and wide.is_here)
         return wide.look
@@ -319,7 +319,7 @@ class ContourSearch:
         surface = self._surface
         if look.events < EVENTS_MIN or not surface.holds(look.x, look.y):
             return False
-        if not (is_first and self._has_left):
+        if not (is_first and self.has_left):
             return True
         box = self._contours.body.box_at(look.x, look.y)
         return surface.inside_px(box) <= BORDER_PX + self._usual_speed_px_s * BORDER_S

@@ -47,6 +47,8 @@ SEARCH_MARGIN = 1.5
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 """No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
 the look is a wide one."""
+SHAKEN_S = 0.3
+"""A camera that comes to a halt shakes for so long at most."""
 FRAME_MIN_S = 0.0003
 """Frames are not asked to be shorter than this, however fast the target."""
 
@@ -322,6 +324,16 @@ class ContourTarget:
         else:
             self._search_from(since_ns, left_over, has_gap=True)
 
+    def _hold_at_rest(self, stamp_ns: int) -> None:
+        """What was lost as the camera shook before it came to a halt stands where it was, until the camera moves on."""
+        if self._held is not None:
+            self._held = None if self._held.is_over else self._held
+            return
+        is_new = self._state is TargetState.RECOVERING and self._search.since_s < SHAKEN_S
+        if is_new and self._surface.is_at_rest and not self._search.has_left:
+            x, y = self._doubts.before.pose[:2].tolist()
+            self._held = Held(self._body.box_at(x, y), None, stamp_ns, self._surface, while_at_rest=True)
+
     def _search_from(self, stamp_ns: int, left_over: Side | None, *, has_gap: bool = False) -> None:
         self._search = ContourSearch(
             self._contours,
@@ -337,6 +349,7 @@ class ContourTarget:
     def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:
         """Search for the contours in a growing region, and the images now and then."""
         search = self._search
+        self._hold_at_rest(stamp_ns)
         if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
         search.coast()

@@ -117,6 +117,11 @@ class Doubts:
             body.pose[:] = middle
             self.failing_s = 0.0
 
+    def come_back(self) -> None:
+        """The camera has come to a halt, and shook what it sees: nothing has drawn the box along, nor gone far."""
+        self._body.pose[:] = self.before.pose
+        self.failing_s = 0.0
+
     def go_back(self) -> None:
         """Be where the target stood before looks failed, and move as then."""
         body = self._body

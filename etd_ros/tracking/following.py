@@ -142,6 +142,12 @@ class Following:
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
         """A target that was slowing down stands still now; one that was not has vanished."""
         body, doubts = self._contours.body, self._doubts
+        if self._surface.is_at_rest:
+            if doubts.failing_s > 0:
+                doubts.come_back()
+            body.stop()
+            body.stamp_ns = stamp_ns
+            return Outcome.STILL
         if body.speed_px_s > max(VANISHING_PX_S, VANISHING_SHARE * self.motion.speed_px_s):
             return Outcome.VANISHED
         if doubts.failing_s > 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
 
@@ -16,6 +16,7 @@ from etd_ros.detection import EdgeBoxes, Proposals
 from etd_ros.names import NAME_RULE, is_name
 from etd_ros.tracking.box_network import shipped_network
 from etd_ros.tracking.box_refinement import Corrector
+from etd_ros.tracking.camera_rest import CameraRest
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
@@ -83,6 +84,7 @@ class MultiTracker:
         self.targets_max: int | None = None
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
+        self._camera_rest = CameraRest()
         self._turns = Turns()
         self._drawn_along = DrawnAlong()
         self._other_targets = OtherTargets()
@@ -239,6 +241,8 @@ class MultiTracker:
         if self._contours is not None:
             self._surface.take(stamp_ns, frame, start_ns)
         contours = [target for target in self._targets.values() if isinstance(target, ContourTarget)]
+        if contours:
+            self._take_rest(frame, contours)
         self._other_targets.take(stamp_ns, contours)
         reports = self._reports(stamp_ns, frame, image)
         if len(contours) > 1:
@@ -246,6 +250,13 @@ class MultiTracker:
         if self._starter is not None:
             self._change(self._starter.take(stamp_ns, frame, reports, self._room()))
         return reports
+
+    def _take_rest(self, frame: FrameData, targets: Sequence[ContourTarget]) -> None:
+        """See whether the camera has come to a halt."""
+        surface = self._surface
+        boxes = [target.last_box for target in targets if target.state is TargetState.TRACKING]
+        self._camera_rest.take(frame, (surface.stamp_ns - surface.start_ns) * 1e-9, boxes)
+        surface.is_at_rest = self._camera_rest.is_at_rest
 
     def _room(self) -> int | None:
         """How many more there may be; None where that has no limit."""
@@ -257,6 +268,7 @@ class MultiTracker:
         for name in self._starter.time_went_back() if self._starter is not None else ():
             self.stop(name)
         self._drawn_along.time_went_back(stamp_ns)
+        self._camera_rest.forget()
         for target in self._targets.values():
             target.time_went_back(stamp_ns)
 

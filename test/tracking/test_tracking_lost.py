@@ -104,13 +104,13 @@ def test_what_left_is_seen_as_soon_as_it_comes_back(monkeypatch, seed):
     found = mean_overlap("return", (seed,))
     assert found > 0.9
     keep = ContourSearch.keep
-    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
+    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self.has_left else keep(self))
     assert mean_overlap("return", (seed,)) < found - 0.3
 
 
 def test_the_network_finds_what_comes_back_where_contours_do_not(monkeypatch):
     keep = ContourSearch.keep
-    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self._has_left else keep(self))
+    monkeypatch.setattr(ContourSearch, "keep", lambda self: None if self.has_left else keep(self))
     assert mean_overlap("return", (28,), Settings(contours=CONTOURS)) > mean_overlap("return", (28,)) + 0.1
 
 
