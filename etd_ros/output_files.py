@@ -38,6 +38,18 @@ def check_outputs(*outputs: Path | None, inputs: Iterable[Path | None] = ()) -> 
             raise OutputError(msg)
 
 
+def check_pictures(*pictures: Path | None) -> None:
+    """Refuse names that promise another format than PNG, which is what is written; None is passed over.
+
+    Raises:
+        OutputError: a name does not end in .png.
+    """
+    for picture in pictures:
+        if picture is not None and picture.suffix.lower() != ".png":
+            msg = f"{picture}: pictures are PNG files: name it something.png"
+            raise OutputError(msg)
+
+
 def write_beside(path: Path, content: bytes | str) -> None:
     """Write a file, text as UTF-8, under a temporary name beside its own, then rename it.
 

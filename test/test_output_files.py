@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from etd_ros.output_files import OutputError, check_outputs, write_beside, written_beside
+from etd_ros.output_files import OutputError, check_outputs, check_pictures, write_beside, written_beside
 
 
 @pytest.mark.parametrize("content", ["Straße\n", b"\x89PNG\r\n"])
@@ -64,3 +64,10 @@ def test_an_output_that_is_read_as_well_is_refused(tmp_path):
     boxes.write_text("labelled for hours")
     with pytest.raises(OutputError, match="boxes.csv: is read, and would be overwritten"):
         check_outputs(tmp_path / "other.csv", tmp_path / "." / "boxes.csv", inputs=[None, boxes])
+
+
+@pytest.mark.parametrize("name", ["plot.txt", "plot", "plot.png.txt", ".png"])
+def test_a_picture_is_not_written_under_a_name_that_promises_something_else(tmp_path, name):
+    check_pictures(None, tmp_path / "plot.png", tmp_path / "PLOT.PNG")
+    with pytest.raises(OutputError, match=f"{name}: pictures are PNG files: name it something.png"):
+        check_pictures(tmp_path / "plot.png", tmp_path / name)

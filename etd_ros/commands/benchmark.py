@@ -34,7 +34,7 @@ from etd_ros.benchmarking import (
     tracker,
     write,
 )
-from etd_ros.output_files import check_outputs, write_beside
+from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.plots import check_matplotlib
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "--write", type=Path, metavar="FOLDER", help="also write the figures there as JSON and in its README.md"
     )
     parser.add_argument(
-        "--scaling", type=Path, metavar="FILE", help="draw speed against rate, sensor, texture, messages instead"
+        "--scaling", type=Path, metavar="FILE.png", help="draw speed against rate, sensor, texture, messages instead"
     )
     parser.set_defaults(run=run)
 
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     Raises:
         BenchmarkError: the folder of recordings is missing, the options contradict each other, or the outputs of
             --write cannot be written.
-        OutputError: the plot cannot be written.
+        OutputError: the plot cannot be written, or its name is not that of a PNG file.
         PlotError: Matplotlib, which the plot needs, is missing.
         RecordingError: a recording is damaged.
     """
@@ -116,6 +116,7 @@ def run(options: argparse.Namespace) -> int:
 def _draw_scaling(path: Path, effort: Effort) -> None:
     check_matplotlib()
     check_outputs(path)
+    check_pictures(path)
     points = list(_shown(scaling(effort.events, effort.rounds), lambda point: f"{point.axis}, {point.part}"))
     write_beside(path, scaling_png(points))
 

@@ -20,7 +20,7 @@ from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError
 from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
-from etd_ros.output_files import check_outputs, write_beside
+from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.overlay import Picture
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import busy_window, caption_frame, check_matplotlib, histogram_png, sheet_png
@@ -168,6 +168,7 @@ def _check_options(options: argparse.Namespace) -> None:
         raise ConversionError(msg)
     inputs = [*recording_files(options.recording), options.config]
     check_outputs(options.output, options.sheet, options.histogram, inputs=inputs)
+    check_pictures(options.sheet, options.histogram)
     if options.histogram is not None:
         check_matplotlib()
 

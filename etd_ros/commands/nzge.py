@@ -23,7 +23,7 @@ from etd_ros.conversion import ConversionError, Frame, FrameEnd, NoiseFilterConf
 from etd_ros.conversion.calibration import frame_data
 from etd_ros.engine import CONVERSIONS, FrameSource, nzge_interval
 from etd_ros.events import Events, concatenate
-from etd_ros.output_files import check_outputs, write_beside, written_beside
+from etd_ros.output_files import check_outputs, check_pictures, write_beside, written_beside
 from etd_ros.plots import NzgeCurve, check_matplotlib, nzge_png
 from etd_ros.recordings import open_recording, recording_files
 from etd_ros.settings import Settings
@@ -152,6 +152,7 @@ def _check_options(options: argparse.Namespace) -> None:
         raise ConversionError(msg)
     inputs = [*recording_files(options.recording), options.config]
     check_outputs(options.output, options.plot, inputs=inputs)
+    check_pictures(options.plot)
     if options.plot is not None:
         check_matplotlib()
 

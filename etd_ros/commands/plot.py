@@ -8,7 +8,7 @@ from pathlib import Path
 
 from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
-from etd_ros.output_files import check_outputs, write_beside
+from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.plots import check_matplotlib, overlap_png
 
 Tracks = Mapping[str, Sequence[TrackRow]]
@@ -31,9 +31,10 @@ def run(options: argparse.Namespace) -> int:
     Raises:
         EvaluationError: a file cannot be read, or there is nothing to score.
         PlotError: Matplotlib is missing, or there are too many targets.
-        OutputError: the plot cannot be written.
+        OutputError: the plot cannot be written, or its name is not that of a PNG file.
     """
     check_outputs(options.output, inputs=(options.tracks, options.boxes))
+    check_pictures(options.output)
     check_matplotlib()
     tracks, truth = read_tracks(options.tracks), read_boxes(options.boxes)
     _check_comparable(options, tracks, truth)

@@ -15,7 +15,7 @@ from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.tracking_steps import compared_steps, engine_steps
 from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
-from etd_ros.output_files import check_outputs, write_beside
+from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
 from etd_ros.plots import check_matplotlib, overlap_png
@@ -96,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
         _check_compared(options)
     inputs = (*recording_files(options.recording), options.targets, options.truth, options.config)
     check_outputs(options.output, options.video, options.plot, inputs=inputs)
+    check_pictures(options.plot)
     if options.rerun is not None:
         check_rerun(options.rerun)
     if options.plot is not None:

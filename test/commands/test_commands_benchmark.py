@@ -121,7 +121,11 @@ def test_outputs_are_refused_before_anything_is_measured(tmp_path, capsys):
 
 
 def test_a_plot_is_refused_before_anything_is_measured_and_leaves_nothing_behind(tmp_path, capsys):
-    for path, reason in ((tmp_path, "is a folder"), (tmp_path / "none" / "curves.png", "a folder that exists")):
+    for path, reason in (
+        (tmp_path, "is a folder"),
+        (tmp_path / "none" / "curves.png", "a folder that exists"),
+        (tmp_path / "curves.pdf", "PNG files"),
+    ):
         assert main(["benchmark", "--quick", "--scaling", str(path)]) == 2
         error = capsys.readouterr().err
         assert len(error.splitlines()) == 1

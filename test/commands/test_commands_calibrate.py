@@ -142,6 +142,8 @@ def test_an_interval_that_the_nodes_would_refuse_is_not_written(capsys, place, d
         (("--set", "atsltd.cell_size=1"), "cell_size"),
         (("--output", "."), "a folder"),
         (("--sheet", "missing/sheet.png"), "missing/sheet.png"),
+        (("--sheet", "sheet.jpg"), "sheet.jpg: pictures are PNG files"),
+        (("--sheet", "sheet.png", "--histogram", "histogram"), "histogram: pictures are PNG files"),
         (("--output", "a", "--sheet", "a"), "two outputs"),
     ],
 )

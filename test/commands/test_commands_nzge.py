@@ -141,6 +141,7 @@ def refused(capsys, place: Path, *arguments: str) -> str:
         (("--frames", "0"), "--frames 0"),
         (("--from", "nan"), "--from nan"),
         (("--plot", "."), "a folder"),
+        (("--plot", "curve"), "curve: pictures are PNG files"),
         (("--output", "missing/curve.csv"), "missing/curve.csv"),
     ],
 )

@@ -46,3 +46,9 @@ def test_boxes_of_another_recording_are_no_score_of_0(capsys, place, labelled, l
         assert word in line
     assert captured.out == ""
     assert not (place / "plot.png").exists()
+
+
+def test_a_plot_that_is_named_as_no_png_is_refused_before_anything_is_read(capsys, place):
+    assert main(["plot", "no_tracks.csv", "no_boxes.csv", "--output", "plot.pdf"]) == 2
+    assert capsys.readouterr().err == "etd_ros: plot.pdf: pictures are PNG files: name it something.png\n"
+    assert list(place.iterdir()) == []

@@ -197,6 +197,7 @@ def test_the_plot_of_written_tracks_is_that_of_tracking_with_the_scores_beside_i
     [
         (["--plot", "plot.png"], "--truth BOXES.csv"),
         (["--plot", "absent/plot.png"], "absent/plot.png"),
+        (["--plot", "plot.txt"], "plot.txt: pictures are PNG files"),
         (["--truth", "absent.csv"], "absent.csv"),
         (["--proposals"], "--video"),
         (["--slow", "4"], "--video"),
