@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, Any, TextIO
 
 from etd_ros.errors import EtdError
@@ -48,6 +49,35 @@ def check_pictures(*pictures: Path | None) -> None:
         if picture is not None and picture.suffix.lower() != ".png":
             msg = f"{picture}: pictures are PNG files: name it something.png"
             raise OutputError(msg)
+
+
+def make_folder(folder: Path) -> None:
+    """Have a folder for results, and those above it, before the work rather than after it.
+
+    Raises:
+        OutputError: it or one above it is no folder, or it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        strangers = [place for place in (folder, *folder.parents) if os.path.lexists(place) and not place.is_dir()]
+        reason = f"{strangers[0]} is no folder" if strangers else err.strerror or err
+        msg = f"{folder}: cannot be made a folder ({reason}): name one that you may write, or a new one"
+        raise OutputError(msg) from err
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder in which no file can be made.
+
+    Raises:
+        OutputError: it is one.
+    """
+    try:
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as err:
+        msg = f"{folder}: cannot be written to ({err.strerror or err}): name a folder where you may write"
+        raise OutputError(msg) from err
 
 
 def write_beside(path: Path, content: bytes | str) -> None:

@@ -6,7 +6,15 @@ import os
 
 import pytest
 
-from etd_ros.output_files import OutputError, check_outputs, check_pictures, write_beside, written_beside
+from etd_ros.output_files import (
+    OutputError,
+    check_folder,
+    check_outputs,
+    check_pictures,
+    make_folder,
+    write_beside,
+    written_beside,
+)
 
 
 @pytest.mark.parametrize("content", ["Straße\n", b"\x89PNG\r\n"])
@@ -71,3 +79,22 @@ def test_a_picture_is_not_written_under_a_name_that_promises_something_else(tmp_
     check_pictures(None, tmp_path / "plot.png", tmp_path / "PLOT.PNG")
     with pytest.raises(OutputError, match=f"{name}: pictures are PNG files: name it something.png"):
         check_pictures(tmp_path / "plot.png", tmp_path / name)
+
+
+def test_a_folder_is_made_with_those_above_it_and_may_be_there(tmp_path):
+    for _ in range(2):
+        make_folder(tmp_path / "above" / "results")
+        check_folder(tmp_path / "above" / "results")
+    assert list((tmp_path / "above" / "results").iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["notes.txt", "notes.txt/results", "notes.txt/above/results"])
+def test_a_file_where_a_folder_shall_be_is_named(tmp_path, place):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError) as refused:
+        make_folder(tmp_path / place)
+    assert str(refused.value) == (
+        f"{tmp_path / place}: cannot be made a folder ({tmp_path / 'notes.txt'} is no folder): "
+        "name one that you may write, or a new one"
+    )
+    assert (tmp_path / "notes.txt").read_text() == "mine"

@@ -18,10 +18,11 @@ from etd_ros.evaluation.cell_run import PROTOCOL_NAMES, CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
 from etd_ros.evaluation.cluster import check_address
 from etd_ros.evaluation.matrix import REPETITIONS, Workforce, cell_tasks, fill_store, key_of, outstanding
-from etd_ros.evaluation.outputs import make_folder, write_comparison
+from etd_ros.evaluation.outputs import write_comparison
 from etd_ros.evaluation.store import Store
 from etd_ros.evaluation.table_formats import plain
 from etd_ros.evaluation.tables import make_table
+from etd_ros.output_files import check_folder, make_folder
 from etd_ros.plots import check_matplotlib
 from etd_ros.settings import Settings
 from etd_ros.systems.registry import SYSTEMS
@@ -49,6 +50,7 @@ def run_datasets(options: argparse.Namespace, settings: Settings) -> int:
     if options.output:
         check_matplotlib()
         make_folder(options.output)
+        check_folder(options.output)
     workforce = Workforce(options.jobs, options.cell_timeout, options.scheduler)
     with Store(_store_path(options.store, options.output)) as store:
         if not (options.store or options.output):

@@ -16,6 +16,7 @@ from rich.progress import Progress
 
 from etd_ros.evaluation import TimedBox, write_boxes
 from etd_ros.events import Events, concatenate
+from etd_ros.output_files import make_folder
 from etd_ros.recordings.bag_writer import EVENT_PACKET_DEFINITION, EVENT_PACKET_TYPE, BagWriter
 from etd_ros.simulation import (
     SUITE,
@@ -81,6 +82,7 @@ def run(options: argparse.Namespace) -> int:
     Raises:
         SimulationError: no output is named, it exists and is not to be replaced or cannot be written, the seed is
             negative, or the whole suite is asked for with a seed.
+        OutputError: the folder that the output lies in cannot be made.
     """
     if options.list:
         for name, description in _descriptions():
@@ -145,10 +147,11 @@ def _written_beside(output: Path) -> Iterator[Path]:
     """A folder to write that takes its place, and that of an older one, only when the block succeeds.
 
     Raises:
-        SimulationError: the parent folder cannot be written.
+        OutputError: the parent folder cannot be made.
+        SimulationError: it cannot be written.
     """
+    make_folder(output.parent)
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
         # The files of a bag are named after its folder, so it gets its own name in a temporary place from the start.
         with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as place:
             folder = Path(place) / output.name

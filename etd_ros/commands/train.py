@@ -64,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
     Raises:
         RecoveryError: torch or safetensors are missing.
         RecoveryError, TrackingError: `--weights` cannot be read.
+        OutputError: a folder cannot be made.
         TrainingError: there is no such device, settings do not fit together, files cannot be read or written, or the
             training fails.
         ParameterError: a setting is out of its range.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryFile
 
 from etd_ros.evaluation.cell_run import CellTask
 from etd_ros.evaluation.cells import CellResult, ProtocolName
@@ -12,24 +11,9 @@ from etd_ros.evaluation.plots import plots_of
 from etd_ros.evaluation.report import report_html
 from etd_ros.evaluation.table_formats import csv_text, latex, markdown
 from etd_ros.evaluation.tables import make_table
-from etd_ros.output_files import OutputError, write_beside
+from etd_ros.output_files import write_beside
 
 FORMATS = {"md": markdown, "tex": latex, "csv": csv_text}
-
-
-def make_folder(folder: Path) -> None:
-    """Have a folder to write to, before the work rather than after it.
-
-    Raises:
-        OutputError: it cannot be made or written to.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as err:
-        msg = f"{folder}: cannot be written to ({err.strerror or err}): name a folder where you may write"
-        raise OutputError(msg) from err
 
 
 def write_comparison(

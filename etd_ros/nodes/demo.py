@@ -26,6 +26,7 @@ from etd_ros.nodes.interface_definitions import interface_definitions
 from etd_ros.nodes.monitor import EVENTS, Monitor
 from etd_ros.nodes.programs import LEAVE, handled, postponed
 from etd_ros.nodes.recorded_tracks import FRAMES, recorded_tracks
+from etd_ros.output_files import make_folder
 from etd_ros.recordings import open_recording
 from etd_ros.recordings.bag_writer import BagWriter
 from etd_ros.tracking_video import tracking_video
@@ -238,10 +239,11 @@ def _fresh_folder(output: Path) -> Path:
     """The output folder with nothing of an earlier demo in it.
 
     Raises:
+        OutputError: it cannot be made.
         DemoError: it cannot be written, or holds what no demo has made.
     """
+    make_folder(output)
     try:
-        output.mkdir(parents=True, exist_ok=True)
         strangers = sorted(item.name for item in output.iterdir() if item.name not in RESULTS)
         if strangers:
             msg = f"{output}: holds {strangers[0]}, which no demo has made: choose another --output"

@@ -204,6 +204,14 @@ def test_an_output_that_cannot_be_written_to_is_refused_before_the_work(dataset,
     assert list(place.iterdir()) == []
 
 
+def test_a_file_in_the_place_of_the_output_folder_is_refused_before_the_work(dataset, place, capsys):
+    (place / "notes.txt").write_text("mine")
+    assert main(arguments(dataset, "--output", "notes.txt")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "notes.txt is no folder" in line
+    assert [path.name for path in place.iterdir()] == ["notes.txt"]
+
+
 def test_results_are_kept_here_where_no_file_is_named(dataset, place, capsys):
     assert main(arguments(dataset, "--only", "blind", systems=("etd-nr",))) == 0
     assert capsys.readouterr().err.splitlines()[0] == "results are kept in evaluation.sqlite"

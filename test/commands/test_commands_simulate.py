@@ -145,6 +145,14 @@ def test_what_cannot_be_simulated_is_refused(capsys, arguments, message):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("scene", ["demo", "suite"])
+def test_a_file_in_the_place_of_a_folder_above_the_bag_is_refused(tmp_path, capsys, scene):
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["simulate", scene, "--output", str(tmp_path / "notes.txt" / "bag")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"({tmp_path / 'notes.txt'} is no folder)" in line
+
+
 def test_packets_end_on_the_clock_and_hold_all_events():
     t = np.array([0, 3, 9_999_999, 10_000_000, 35_000_000, 36_000_000], np.int64)
     events = Events(t, *(np.zeros(6, np.uint16) for _ in range(2)), np.zeros(6, np.uint8), 8, 8)

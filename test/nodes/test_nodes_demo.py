@@ -223,6 +223,14 @@ def test_a_folder_that_holds_more_than_a_demos_results_is_refused_and_left_alone
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "thesis.tex"]
 
 
+def test_a_file_in_the_place_of_the_output_folder_is_refused_and_left_alone(tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["demo", "--output", str(tmp_path / "notes.txt")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "notes.txt is no folder" in line
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
 def test_the_bag_of_a_demo_is_not_replaced_by_its_own_replay(finished, capsys):
     bag = finished.output / "bag"
     before = sorted(bag.iterdir())

@@ -14,6 +14,7 @@ import pytest
 import torch
 from recovery_trainings import SHORT
 
+from etd_ros.output_files import OutputError
 from etd_ros.recovery import RecoveryError
 from etd_ros.recovery.training import sequences
 from etd_ros.recovery.training.compact_lesson import CompactLesson
@@ -198,7 +199,7 @@ def test_impossible_devices_threads_and_times_are_refused():
 
 def test_folders_that_cannot_be_made_are_named(tmp_path, sequence_folder):
     (tmp_path / "file").write_text("")
-    with pytest.raises(TrainingError, match="no folder for the cache"):
+    with pytest.raises(OutputError, match="file is no folder"):
         SequenceCache(tmp_path / "file" / "cache")
-    with pytest.raises(TrainingError, match="no folder for the results"):
+    with pytest.raises(OutputError, match="file is no folder"):
         Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out", make_lesson=CompactLesson)

@@ -11,6 +11,7 @@ import pytest
 from recovery_boxes import BOX_SEEDS, SENSOR, put_right, view_of
 
 from etd_ros.boxes import Box
+from etd_ros.output_files import OutputError
 from etd_ros.recovery.training.box_samples import (
     AGE_UNIT,
     FAR,
@@ -305,5 +306,5 @@ def test_missing_parts_missing_files_and_folders_that_cannot_be_made_are_named(t
         with pytest.raises(TrainingError, match=f"^[^ ]*000000{seed}.box.npz: samples are missing or damaged"):
             cache.samples(seed)
     (tmp_path / "file").write_text("")
-    with pytest.raises(TrainingError, match="no folder for the cache"):
+    with pytest.raises(OutputError, match="file is no folder"):
         SampleCache(tmp_path / "file" / "cache")

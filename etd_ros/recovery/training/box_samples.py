@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from etd_ros.boxes import Box
 from etd_ros.engine import track
+from etd_ros.output_files import make_folder
 from etd_ros.recovery.training.box_scenes import box_scene
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.simulation import Scene, simulate, true_boxes
@@ -170,14 +171,10 @@ class SampleCache:
     """Samples by number in a folder, each made once; numbers are their seeds. What was read stays in memory."""
 
     def __init__(self, folder: Path) -> None:
-        """Raise TrainingError where the folder cannot be made."""
+        """Raise OutputError where the folder cannot be made."""
         self.folder = folder
         self._read: dict[int, BoxSamples] = {}
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            msg = f"{folder}: no folder for the cache ({err.strerror or err}): name one that you may write"
-            raise TrainingError(msg) from err
+        make_folder(folder)
 
     def __reduce__(self) -> tuple[type[SampleCache], tuple[Path]]:
         """Another process reads the files itself."""

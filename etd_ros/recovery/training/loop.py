@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import torch
 
+from etd_ros.output_files import make_folder
 from etd_ros.recovery.training.config import VALIDATION_SEEDS, TrainingConfig
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.lesson import BatchT, Cache, Figures, Lesson, TensorsT
@@ -96,11 +97,7 @@ class Training(Generic[BatchT, TensorsT]):
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.step, self._before_s = 0, 0.0
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            msg = f"{output}: no folder for the results ({err.strerror or err}): name one that you may write"
-            raise TrainingError(msg) from err
+        make_folder(output)
 
     def start_from(self, path: Path) -> None:
         """Train the weights of a file further.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.events import concatenate
+from etd_ros.output_files import make_folder
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.scenes import Situation, training_situation
@@ -108,14 +109,10 @@ class SequenceCache:
     """
 
     def __init__(self, folder: Path, pictures: Pictures = RECONSTRUCTED) -> None:
-        """Raise TrainingError where the folder cannot be made."""
+        """Raise OutputError where the folder cannot be made."""
         self.folder, self.pictures = folder, pictures
         self._open: dict[int, Sequence] = {}
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            msg = f"{folder}: no folder for the cache ({err.strerror or err}): name one that you may write"
-            raise TrainingError(msg) from err
+        make_folder(folder)
 
     def __reduce__(self) -> tuple[type[SequenceCache], tuple[Path, Pictures]]:
         """Another process opens the files itself."""
