@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import re
 import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
+import yaml
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
@@ -16,6 +21,8 @@ from etd_ros.settings import described_settings
 
 BEGIN_ROS, END_ROS = "--ros-args", "--"
 PARAMETER_FILE = "--params-file"
+VALUES_KEY = "ros__parameters"
+_WILDCARDS = {"*": r"/\w+", "**": r"(/\w+)*"}
 
 
 class ArgumentError(EtdError):
@@ -69,13 +76,40 @@ def given_parameters(node: Node) -> dict[str, Parameter]:
 
 
 def warn_of_files_without_parameters(node: Node) -> None:
-    """In one line, where parameter files were given and hold none for this node, which ROS passes over in silence."""
+    """In one line, where parameter files were given and hold none for this node, which ROS passes over in silence.
+
+    ROS tells only what it has made of all files and `-p` together, so the files are read here, too.
+    """
+    name = node.get_fully_qualified_name()
     files = [file for option, file in itertools.pairwise(sys.argv) if option == PARAMETER_FILE]
-    if files and not given_parameters(node):
+    without = [file for file in files if not holds_parameters_for(name, Path(file))]
+    if without:
         node.get_logger().warning(
-            f"{', '.join(files)}: no parameters for {node.get_fully_qualified_name()}: they stand under "
-            "ros__parameters, in a section that has the node's name, or in /** for all nodes"
+            f"{', '.join(without)}: no parameters for {name}: they stand under ros__parameters, in a section that has "
+            "the node's name, or in /** for all nodes"
         )
+
+
+def holds_parameters_for(node_name: str, file: Path) -> bool:
+    """Whether a parameter file has a section, with something in it, for the node of this full name; also where the file
+    cannot be read, of which ROS has more to say."""
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return True
+    return any(re.fullmatch(section, node_name) for section in _sections(content))
+
+
+def _sections(content: Any, above: str = "") -> Iterator[str]:
+    """Patterns of the full names that the sections hold for: a section's name may be spread over several levels, a `*`
+    is one word of a name, a `**` any number of them."""
+    for key, inner in content.items() if isinstance(content, dict) else ():
+        if key == VALUES_KEY:
+            if inner:
+                yield above
+            continue
+        words = str(key).strip("/").split("/")
+        yield from _sections(inner, above + "".join(_WILDCARDS.get(word, f"/{re.escape(word)}") for word in words))
 
 
 def warn_of_unknown_parameters(node: Node) -> None:

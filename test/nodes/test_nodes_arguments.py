@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from etd_ros.nodes.arguments import own_arguments
+from etd_ros.nodes.arguments import holds_parameters_for, own_arguments
 
 
 @pytest.mark.parametrize("name", ["tracker", "replay"])
@@ -88,14 +88,41 @@ def test_parameters_of_other_nodes_and_known_ones_are_no_warning(bench, tmp_path
     assert not warnings_of(bench, "pipeline")
 
 
+@pytest.mark.parametrize(
+    ("content", "is_for_it"),
+    [
+        ("/robot/tracker: {ros__parameters: {auto: true}}", True),
+        ("robot/tracker: {ros__parameters: {auto: true}}", True),
+        ("robot: {tracker: {ros__parameters: {auto: true}}}", True),
+        ("/**: {ros__parameters: {auto: true}}", True),
+        ("/*/tracker: {ros__parameters: {auto: true}}", True),
+        ("/**/tracker: {ros__parameters: {auto: true}}", True),
+        ("/other: {ros__parameters: {auto: true}}\n/robot: {'**': {ros__parameters: {auto: true}}}", True),
+        ("/tracker: {ros__parameters: {auto: true}}", False),
+        ("/*: {ros__parameters: {auto: true}}", False),
+        ("/robot/track: {ros__parameters: {auto: true}}", False),
+        ("/robot/tracker: {ros__parameters: {}}", False),
+        ("/robot/tracker: {auto: true}", False),
+        ("", False),
+        ("target,x\na,1\n", False),
+        ("/robot/tracker: [", True),
+    ],
+)
+def test_whether_a_parameter_file_is_for_a_node_is_told_as_ros_does(tmp_path, content, is_for_it):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(content)
+    assert holds_parameters_for("/robot/tracker", file) == is_for_it
+
+
+@pytest.mark.parametrize("more", [(), ("-p", "queue_s:=3600.0")])
 @pytest.mark.parametrize("content", ["/pipelines:\n  ros__parameters: {auto: true}\n", "target,x\na,1\n"])
-def test_a_parameter_file_that_holds_none_for_the_node_is_one_warning(bench, tmp_path, content):
+def test_a_parameter_file_that_holds_none_for_the_node_is_one_warning(bench, tmp_path, content, more):
     file = tmp_path / "parameters.yaml"
     file.write_text(content)
     # Not by the bench, which gives each node a parameter.
     with (tmp_path / "tracker.log").open("w") as log:
         bench.processes["tracker"] = subprocess.Popen(
-            [sys.executable, "-m", "etd_ros.nodes", "tracker", "--ros-args", "--params-file", str(file)],
+            [sys.executable, "-m", "etd_ros.nodes", "tracker", "--ros-args", "--params-file", str(file), *more],
             stderr=log,
             env={**os.environ, "ROS_DOMAIN_ID": str(bench.domain)},
         )
