@@ -64,21 +64,17 @@ def check_start(start: _Start, first_event_ns: int) -> None:
         TargetError: the stamp is on another clock, or too early.
     """
     if 0 < start.stamp_ns < first_event_ns - EARLIEST_START_NS:
-        msg = (
-            f"target {start.name!r} starts at {start.stamp_ns} ns, before the first event at {first_event_ns} ns: "
-            "give a stamp on the events' clock"
-        )
-        raise TargetError(msg)
+        raise TargetError(_misplaced(start, f"before the first event at {first_event_ns} ns"))
 
 
 def late_starts(starts: Iterable[_Start], last_frame_ns: int) -> list[str]:
     """What there is to say of starts after a recording's last frame (ns), which no frame has reached: a line each."""
-    return [
-        f"target {start.name!r} starts at {start.stamp_ns} ns, after the last frame at {last_frame_ns} ns, and is not "
-        "tracked: give a stamp on the events' clock"
-        for start in starts
-        if start.stamp_ns > last_frame_ns
-    ]
+    where = f"after the last frame at {last_frame_ns} ns, and is not tracked"
+    return [_misplaced(start, where) for start in starts if start.stamp_ns > last_frame_ns]
+
+
+def _misplaced(start: _Start, where: str) -> str:
+    return f"target {start.name!r} starts at {start.stamp_ns} ns, {where}: give a stamp on the events' clock"
 
 
 def targets_from_file(path: Path) -> list[TargetStart]:

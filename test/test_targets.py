@@ -7,6 +7,7 @@ from etd_ros.targets import (
     TargetError,
     TargetStart,
     check_start,
+    late_starts,
     parse_click,
     parse_target,
     targets_from_file,
@@ -63,6 +64,19 @@ def test_a_start_long_before_the_first_event_is_refused_and_a_little_before_is_n
     target.check_start(1_450_000_000)
     with pytest.raises(TargetError, match="before the first event"):
         target.check_start(1_600_000_000)
+
+
+def test_starts_beyond_either_end_of_a_recording_are_told_alike():
+    start, early = parse_target("a:1,2,3,4@9"), parse_target("b:1,2,3,4@1000000000")
+    assert late_starts([start, early], 9) == [
+        "target 'b' starts at 1000000000 ns, after the last frame at 9 ns, and is not tracked: give a stamp on the "
+        "events' clock"
+    ]
+    with pytest.raises(TargetError) as refused:
+        early.check_start(2_000_000_000)
+    assert str(refused.value) == (
+        "target 'b' starts at 1000000000 ns, before the first event at 2000000000 ns: give a stamp on the events' clock"
+    )
 
 
 def test_a_click_is_read_from_text():
