@@ -107,9 +107,19 @@ def iou(boxes: BoxArray, box: Box) -> npt.NDArray[np.float64]:
 
 def ious(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
     """Intersection over union of each row with each row of the others, shape (n, m)."""
-    x, y, w, h = boxes.T[:, :, None]
-    other_x, other_y, other_w, other_h = others.T[:, None, :]
-    overlap_w = np.minimum(x + w, other_x + other_w) - np.maximum(x, other_x)
-    overlap_h = np.minimum(y + h, other_y + other_h) - np.maximum(y, other_y)
-    overlap = np.clip(overlap_w, 0, None) * np.clip(overlap_h, 0, None)
-    return np.asarray(overlap / (w * h + other_w * other_h - overlap), np.float64)
+    shared = shared_areas(boxes, others)
+    areas, other_areas = (rows[:, 2] * rows[:, 3] for rows in (boxes, others))
+    return np.asarray(shared / (areas[:, None] + other_areas - shared), np.float64)
+
+
+def shared_areas(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
+    """The area that each row has in common with each row of the others (pixels^2), shape (n, m)."""
+    return np.asarray(np.maximum(shared_sides(boxes, others), 0.0).prod(2), np.float64)
+
+
+def shared_sides(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
+    """How far each row reaches into each row of the others along x and along y (pixels), below 0 by the gap between
+    them, shape (n, m, 2)."""
+    near, other_near = boxes[:, None, :2], others[:, :2]
+    far, other_far = near + boxes[:, None, 2:4], other_near + others[:, 2:4]
+    return np.asarray(np.minimum(far, other_far) - np.maximum(near, other_near), np.float64)

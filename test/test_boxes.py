@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etd_ros.boxes import Box, BoxError, OffSensorError, iou, ious
+from etd_ros.boxes import Box, BoxError, OffSensorError, iou, ious, shared_areas, shared_sides
 
 boxes = st.builds(Box, *(st.floats(-100, 100),) * 2, *(st.floats(0.5, 100),) * 2)
 
@@ -38,6 +38,12 @@ def test_every_pair_of_boxes_shares_what_the_two_share(first, second):
     expected = [[shared_part(box, other) for other in second] for box in first]
     np.testing.assert_allclose(ious(np.array(first, float), np.array(second, float)), expected)
     np.testing.assert_allclose([[box.iou(other) for other in second] for box in first], expected)
+
+
+def test_how_far_boxes_reach_into_others_is_below_0_by_the_gap_between_them():
+    boxes, others = np.array([[0.0, 0.0, 10.0, 6.0]]), np.array([[4.0, -2.0, 10.0, 5.0], [13.0, 1.0, 2.0, 2.0]])
+    np.testing.assert_array_equal(shared_sides(boxes, others), [[[6.0, 3.0], [-3.0, 2.0]]])
+    np.testing.assert_array_equal(shared_areas(boxes, others), [[18.0, 0.0]])
 
 
 @given(boxes, st.floats(0.1, 5))

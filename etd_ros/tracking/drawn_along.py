@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from etd_ros.boxes import Box
+from etd_ros.boxes import Box, shared_areas
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contour_target import ContourTarget
@@ -124,7 +124,6 @@ def _apart(velocity: Float64Array, other: Float64Array) -> float:
 
 def _common_shares(boxes: Sequence[Box]) -> Float64Array:
     """The share of the smaller box of each two that lies in the other one, shape (boxes, boxes)."""
-    x, y, w, h = np.array(boxes, np.float64).reshape(-1, 4).T
-    right = np.minimum.outer(x + w, x + w) - np.maximum.outer(x, x)
-    down = np.minimum.outer(y + h, y + h) - np.maximum.outer(y, y)
-    return np.asarray(np.maximum(right, 0.0) * np.maximum(down, 0.0) / np.minimum.outer(w * h, w * h), np.float64)
+    rows = np.array(boxes, np.float64).reshape(-1, 4)
+    areas = rows[:, 2] * rows[:, 3]
+    return np.asarray(shared_areas(rows, rows) / np.minimum.outer(areas, areas), np.float64)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from etd_ros.boxes import Box
+from etd_ros.boxes import Box, shared_sides
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 
 CHECK_S = 0.01
@@ -100,9 +100,7 @@ class OtherTargets:
 def _tell(targets: Sequence[Placed], moving: Float64Array, stamp_ns: int) -> None:
     """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
     own is free of them: what two of them have in common counts twice."""
-    near_sides, sizes = moving[:, :2], moving[:, 2:4]
-    far_sides = near_sides + sizes
-    common = np.minimum(far_sides[:, None], far_sides) - np.maximum(near_sides[:, None], near_sides)
+    sizes, common = moving[:, 2:4], shared_sides(moving, moving)
     is_near = common.min(2) > -sizes.max(1)[:, None]
     np.fill_diagonal(is_near, val=False)
     shared = np.where(is_near, np.maximum(common, 0.0).prod(2), 0.0)
