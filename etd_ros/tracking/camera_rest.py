@@ -26,6 +26,8 @@ REST_SHARE, MOVING_SHARE = 0.2, 0.4
 """At rest there are fewer events than this share of the usual ones; from the second on it moves again."""
 EVENTS_MIN = 24.0
 """So many are usual in the recent time: that there are none would be chance otherwise."""
+HALT_NS = 500_000_000
+"""What had no events within so long has lost them by the halt; what has none later has gone behind something."""
 BESIDE = 1.5
 """Width and height in those of a box of what its target may fill with events."""
 
@@ -35,6 +37,7 @@ class CameraRest:
 
     Attributes:
         is_at_rest: whether the camera has come to a halt.
+        has_just_halted: whether it has done so just now.
     """
 
     def __init__(self) -> None:
@@ -43,11 +46,14 @@ class CameraRest:
     def forget(self) -> None:
         """The stream starts again."""
         self.is_at_rest = False
+        self.has_just_halted = False
+        self._halted_ns = 0
         self._recent_hz = np.zeros((BLOCKS, BLOCKS))
         self._usual_hz = self._usual_lively = 0.0
 
-    def take(self, data: npt.NDArray[np.uint8], duration_s: float, boxes: Sequence[Box]) -> None:
-        """Take a frame, uint8, shape (height, width, 2), that lasted so long (s), and where targets are (pixels)."""
+    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], duration_s: float, boxes: Sequence[Box]) -> None:
+        """Take a frame: its end (ns), its levels, uint8, shape (height, width, 2), how long it lasted (s), and where
+        targets are (pixels)."""
         if duration_s <= 0:
             return
         height, width, _ = data.shape
@@ -58,8 +64,9 @@ class CameraRest:
         recent_hz, lively = lively_parts(self._recent_hz, LIVELY_SHARE)
         if self.is_at_rest:
             self.is_at_rest = recent_hz < MOVING_SHARE * self._usual_hz
-        else:
-            self.is_at_rest = recent_hz < REST_SHARE * self._usual_hz and self._was_moving
+        elif recent_hz < REST_SHARE * self._usual_hz and self._was_moving:
+            self.is_at_rest, self._halted_ns = True, stamp_ns
+        self.has_just_halted = self.is_at_rest and stamp_ns - self._halted_ns < HALT_NS
         if not self.is_at_rest:
             gain = _gain(duration_s, USUAL_S)
             self._usual_hz += gain * (fired_hz - self._usual_hz)

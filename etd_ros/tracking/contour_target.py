@@ -330,7 +330,7 @@ class ContourTarget:
             self._held = None if self._held.is_over else self._held
             return
         is_new = self._state is TargetState.RECOVERING and self._search.since_s < SHAKEN_S
-        if is_new and self._surface.is_at_rest and not self._search.has_left:
+        if is_new and self._surface.has_just_halted and not self._search.has_left:
             x, y = self._doubts.before.pose[:2].tolist()
             self._held = Held(self._body.box_at(x, y), None, stamp_ns, self._surface, while_at_rest=True)
 

@@ -140,9 +140,10 @@ class Following:
         return look._replace(events=look.events / self._contours.own.others.free)
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
-        """A target that was slowing down stands still now; one that was not has vanished."""
+        """A target that was slowing down stands still now, as does what is seen by a camera that comes to a halt; one
+        that was not has vanished."""
         body, doubts = self._contours.body, self._doubts
-        if self._surface.is_at_rest:
+        if self._surface.has_just_halted:
             if doubts.failing_s > 0:
                 doubts.come_back()
             body.stop()

@@ -35,6 +35,7 @@ class TimeSurface:
         before_ns: end of the one before it (ns).
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
         is_at_rest: whether the camera has come to a halt, so that what stands has no events.
+        has_just_halted: whether it has done so just now.
         width, height: sensor size (pixels).
     """
 
@@ -44,7 +45,7 @@ class TimeSurface:
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
         self.before_ns = NEVER_NS
-        self.is_flash = self.is_at_rest = False
+        self.is_flash = self.is_at_rest = self.has_just_halted = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._times_of_rows = self._times.reshape(height, 2 * width)

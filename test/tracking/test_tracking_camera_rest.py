@@ -27,13 +27,23 @@ def frame(share, *, columns=slice(None), seed=0):
     return data
 
 
-def after(*stretches, boxes=()):
-    """What is known after stretches of frames, each of a time (s), with such shares and columns."""
-    rest = CameraRest()
-    for time_s, share, columns in stretches:
+class Watched:
+    """What is known after stretches of frames."""
+
+    def __init__(self, *stretches, boxes=()):
+        self.rest, self._stamp_ns = CameraRest(), 0
+        for stretch in stretches:
+            self.go_on(*stretch, boxes=boxes)
+
+    def go_on(self, time_s, share, columns, boxes=()):
+        """Frames of a time (s), of whose pixels in these columns such a share has fired."""
         for step in range(round(time_s / FRAME_S)):
-            rest.take(frame(share, columns=columns, seed=step), FRAME_S, boxes)
-    return rest
+            self._stamp_ns += round(FRAME_S * 1e9)
+            self.rest.take(self._stamp_ns, frame(share, columns=columns, seed=step), FRAME_S, boxes)
+
+
+def after(*stretches, boxes=()):
+    return Watched(*stretches, boxes=boxes).rest
 
 
 ALL, FEW = slice(None), slice(0, 50)
@@ -42,6 +52,14 @@ ALL, FEW = slice(None), slice(0, 50)
 def test_the_camera_is_at_rest_when_events_end_all_over_the_sensor():
     assert not after((0.3, 0.03, ALL)).is_at_rest
     assert after((0.3, 0.03, ALL), (0.06, 0.0003, ALL)).is_at_rest
+
+
+def test_a_halt_is_a_matter_of_half_a_second():
+    watched = Watched((0.3, 0.03, ALL), (0.1, 0.0, ALL))
+    assert watched.rest.has_just_halted
+    watched.go_on(0.5, 0.0, ALL)
+    assert watched.rest.is_at_rest
+    assert not watched.rest.has_just_halted
 
 
 def test_it_moves_again_with_new_events():
@@ -63,14 +81,14 @@ def test_noise_that_ends_says_nothing():
 def test_a_stream_that_starts_again_has_not_moved_before():
     rest = after((0.3, 0.03, ALL))
     rest.forget()
-    rest.take(frame(0.0), FRAME_S, [])
+    rest.take(10**9, frame(0.0), FRAME_S, [])
     assert not rest.is_at_rest
 
 
 def test_a_frame_without_duration_says_nothing():
     rest = after((0.3, 0.03, ALL))
     for _ in range(100):
-        rest.take(frame(0.0), 0.0, [])
+        rest.take(10**9, frame(0.0), 0.0, [])
     assert not rest.is_at_rest
 
 
@@ -103,30 +121,36 @@ def test_lively_parts_have_a_share_of_the_mean():
     assert lively == 12
 
 
+def last_reports(scene, starts):
+    """Those of a scene's last frame."""
+    guard = StreamGuard()
+    events = simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=1000.0))
+    batches = (batch for part in events for batch in guard.feed(part))
+    return [step.reports for step in track(batches, starts, threads=False)][-1]
+
+
+def scene_of(camera, sprites, duration_s):
+    wall = 0.5 + 0.35 * smooth_noise(np.random.default_rng(3), HEIGHT + 120, WIDTH + 120)
+    return Scene(WIDTH, HEIGHT, duration_s, wall, tuple(sprites), view=Path.of(camera, duration_s))
+
+
+def square(name, way, duration_s):
+    return Sprite(name, checks(np.random.default_rng(5), 36, 36, cell=9), np.ones((36, 36)), Path.of(way, duration_s))
+
+
 def braked(rate_hz, fades_s):
     """The last reports of two things on a wall before a camera that brakes at 1 s and shakes across its way."""
-    rng = np.random.default_rng(3)
-    places = {"left": 70.0, "right": 170.0}
 
     def camera(t):
         since_s = np.maximum(t - 1.0, 0)
         shaking = 4 * np.sin(2 * np.pi * rate_hz * since_s) * np.exp(-since_s / fades_s)
         return shaking, 40 * (np.minimum(t, 1.0) - 1.0) + shaking / 2, np.ones_like(t), np.zeros_like(t)
 
-    sprites = [
-        Sprite(
-            name, checks(rng, 36, 36, cell=9), np.ones((36, 36)), Path.of(lambda t, x=x: (x + 0 * t, 90 + 0 * t), 1.6)
-        )
-        for name, x in places.items()
-    ]
-    wall = 0.5 + 0.35 * smooth_noise(rng, HEIGHT + 120, WIDTH + 120)
-    scene = Scene(WIDTH, HEIGHT, 1.6, wall, tuple(sprites), view=Path.of(camera, 1.6))
-    events = simulate(scene, seed=1, start_ns=START_NS, config=SensorConfig(noise_rate_hz=1000.0))
+    places = {"left": 70.0, "right": 170.0}
+    sprites = [square(name, lambda t, x=x: (x + 0 * t, 90 + 0 * t), 1.6) for name, x in places.items()]
+    scene = scene_of(camera, sprites, 1.6)
     starts = [TargetStart(name, scene.box(name, 0.1), START_NS + 10**8) for name in places]
-    guard = StreamGuard()
-    batches = (batch for part in events for batch in guard.feed(part))
-    last = [step.reports for step in track(batches, starts, threads=False)][-1]
-    return [(report, scene.box(report.name, 1.6)) for report in last]
+    return [(report, scene.box(report.name, 1.6)) for report in last_reports(scene, starts)]
 
 
 @pytest.mark.parametrize(("rate_hz", "fades_s"), [(12.0, 0.1), (20.0, 0.14), (25.0, 0.06), (25.0, 0.14)])
@@ -134,3 +158,16 @@ def test_targets_stand_where_they_were_when_the_camera_has_braked_and_shaken(rat
     for report, truth in braked(rate_hz, fades_s):
         assert report.state is TargetState.TRACKING
         assert report.box.iou(truth) > 0.75
+
+
+def test_what_goes_behind_something_after_the_halt_is_lost():
+    def camera(t):
+        return 60 * (np.minimum(t, 0.4) - 0.4), np.zeros_like(t), np.ones_like(t), np.zeros_like(t)
+
+    thing = square("thing", lambda t: (50 + 100 * np.maximum(t - 0.9, 0), 90 + 0 * t), 2.4)
+    pillar = Sprite(
+        "pillar", np.full((120, 80), 0.3), np.ones((120, 80)), Path.of(lambda t: (180 + 0 * t, 90 + 0 * t), 2.4)
+    )
+    scene = scene_of(camera, (thing, pillar), 2.4)
+    (report,) = last_reports(scene, [TargetStart("thing", scene.box("thing", 0.1), START_NS + 10**8)])
+    assert report.state is not TargetState.TRACKING
