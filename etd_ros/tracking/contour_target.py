@@ -324,15 +324,16 @@ class ContourTarget:
         else:
             self._search_from(since_ns, left_over, has_gap=True)
 
-    def _hold_at_rest(self, stamp_ns: int) -> None:
-        """What was lost as the camera shook before it came to a halt stands where it was, until the camera moves on."""
-        if self._held is not None:
-            self._held = None if self._held.is_over else self._held
-            return
-        is_new = self._state is TargetState.RECOVERING and self._search.since_s < SHAKEN_S
-        if is_new and self._surface.has_just_halted and not self._search.has_left:
-            x, y = self._doubts.before.pose[:2].tolist()
-            self._held = Held(self._body.box_at(x, y), None, stamp_ns, self._surface, while_at_rest=True)
+    def _stood_still(self, stamp_ns: int) -> bool:
+        """Whether a target that was just lost stands where it was, as the camera has come to a halt; then it does."""
+        search = self._search
+        is_new = search.since_s < SHAKEN_S and not search.has_left
+        if not (is_new and self._surface.has_just_halted and self._state is TargetState.RECOVERING):
+            return False
+        self._body.pose[:] = self._doubts.before.pose
+        self._body.stamp_ns = stamp_ns
+        self._contours.stop()
+        return True
 
     def _search_from(self, stamp_ns: int, left_over: Side | None, *, has_gap: bool = False) -> None:
         self._search = ContourSearch(
@@ -349,7 +350,9 @@ class ContourTarget:
     def _look_for_it(self, stamp_ns: int, image: FrameData | None) -> None:
         """Search for the contours in a growing region, and the images now and then."""
         search = self._search
-        self._hold_at_rest(stamp_ns)
+        if self._stood_still(stamp_ns):
+            self._go_on(CONFIDENCE_FOUND, is_unsettled=True)
+            return
         if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
         search.coast()
@@ -362,10 +365,14 @@ class ContourTarget:
             self._contours.stop()
         elif not search.found():
             return
+        if answer is not None:
+            self._go_on(answer.score, is_unsettled=True)
+        else:
+            self._go_on(CONFIDENCE_FOUND, is_unsettled=search.is_unsettled)
+
+    def _go_on(self, confidence: float, *, is_unsettled: bool) -> None:
+        """Follow it again from where it is now."""
         self._state = TargetState.TRACKING
         self._held = None
         self._doubts.failing_s = 0.0
-        if answer is not None:
-            self._following.go_on(answer.score, is_unsettled=True)
-        else:
-            self._following.go_on(CONFIDENCE_FOUND, is_unsettled=search.is_unsettled)
+        self._following.go_on(confidence, is_unsettled=is_unsettled)

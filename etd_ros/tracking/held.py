@@ -21,19 +21,12 @@ class Held:
         moving: where it would be at `stamp_ns` (ns) if it moved on (pixels), and its velocity, x and y (pixels/s); None
             where that is not believed.
         surface: what the sensor sees.
-        while_at_rest: whether it is said only until the camera moves again.
     """
 
     box: Box
     moving: tuple[Box, float, float] | None
     stamp_ns: int
     surface: TimeSurface
-    while_at_rest: bool = False
-
-    @property
-    def is_over(self) -> bool:
-        """Whether it is said no longer."""
-        return self.while_at_rest and not self.surface.is_at_rest
 
     def box_at(self, stamp_ns: int) -> Box:
         """Where it is said to be at a time (pixels)."""

@@ -256,7 +256,7 @@ class MultiTracker:
         surface = self._surface
         boxes = [target.last_box for target in targets if target.state is TargetState.TRACKING]
         self._camera_rest.take(surface.stamp_ns, frame, (surface.stamp_ns - surface.start_ns) * 1e-9, boxes)
-        surface.is_at_rest, surface.has_just_halted = self._camera_rest.is_at_rest, self._camera_rest.has_just_halted
+        surface.has_just_halted = self._camera_rest.has_just_halted
 
     def _room(self) -> int | None:
         """How many more there may be; None where that has no limit."""

@@ -34,8 +34,7 @@ class TimeSurface:
         start_ns, stamp_ns: start and end of the newest frame (ns).
         before_ns: end of the one before it (ns).
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
-        is_at_rest: whether the camera has come to a halt, so that what stands has no events.
-        has_just_halted: whether it has done so just now.
+        has_just_halted: whether the camera has come to a halt just now, so that what stands has no events.
         width, height: sensor size (pixels).
     """
 
@@ -45,7 +44,7 @@ class TimeSurface:
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
         self.before_ns = NEVER_NS
-        self.is_flash = self.is_at_rest = self.has_just_halted = False
+        self.is_flash = self.has_just_halted = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._times_of_rows = self._times.reshape(height, 2 * width)
