@@ -51,8 +51,9 @@ def check_pictures(*pictures: Path | None) -> None:
             raise OutputError(msg)
 
 
-def make_folder(folder: Path) -> None:
-    """Have a folder for results, and those above it, before the work rather than after it.
+def make_folder(folder: Path, output: Path | None = None) -> None:
+    """Have a folder for results, and those above it, before the work rather than after it; `output` is what was asked
+    for, if that lies in it.
 
     Raises:
         OutputError: it or one above it is no folder, or it cannot be made.
@@ -62,7 +63,8 @@ def make_folder(folder: Path) -> None:
     except OSError as err:
         strangers = [place for place in (folder, *folder.parents) if os.path.lexists(place) and not place.is_dir()]
         reason = f"{strangers[0]} is no folder" if strangers else err.strerror or err
-        msg = f"{folder}: cannot be made a folder ({reason}): name one that you may write, or a new one"
+        what = f"{folder}: cannot be made a folder" if output is None else f"{output}: cannot be made there"
+        msg = f"{what} ({reason}): name one that you may write, or a new one"
         raise OutputError(msg) from err
 
 

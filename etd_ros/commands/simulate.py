@@ -150,7 +150,7 @@ def _written_beside(output: Path) -> Iterator[Path]:
         OutputError: the parent folder cannot be made.
         SimulationError: it cannot be written.
     """
-    make_folder(output.parent)
+    make_folder(output.parent, output)
     try:
         # The files of a bag are named after its folder, so it gets its own name in a temporary place from the start.
         with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as place:

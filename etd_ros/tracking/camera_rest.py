@@ -4,7 +4,7 @@ sensor."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Set
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,7 @@ class CameraRest:
     """
 
     def __init__(self) -> None:
+        self._names: Set[str] = set()
         self.forget()
 
     def forget(self) -> None:
@@ -51,14 +52,18 @@ class CameraRest:
         self._recent_hz = np.zeros((BLOCKS, BLOCKS))
         self._usual_hz = self._usual_lively = 0.0
 
-    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], duration_s: float, boxes: Sequence[Box]) -> None:
+    def take(self, stamp_ns: int, data: npt.NDArray[np.uint8], duration_s: float, boxes: Mapping[str, Box]) -> None:
         """Take a frame: its end (ns), its levels, uint8, shape (height, width, 2), how long it lasted (s), and where
-        targets are (pixels)."""
+        targets are (pixels), by name."""
+        if boxes.keys() - self._names:
+            # What a new target did so far was taken for what the camera does.
+            self.forget()
+        self._names = boxes.keys()
         if duration_s <= 0:
             return
         height, width, _ = data.shape
         stride = max(1, math.isqrt(height * width // SAMPLES))
-        taken = np.array(boxes, np.float64).reshape(-1, 4)
+        taken = np.array(list(boxes.values()), np.float64).reshape(-1, 4)
         gain = _gain(duration_s, self._recent_s)
         fired_hz = fired(data, stride, taken, BESIDE, self._recent_hz, gain, duration_s)
         recent_hz, lively = lively_parts(self._recent_hz, LIVELY_SHARE)

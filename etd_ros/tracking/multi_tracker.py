@@ -254,7 +254,7 @@ class MultiTracker:
     def _take_rest(self, frame: FrameData, targets: Sequence[ContourTarget]) -> None:
         """See whether the camera has come to a halt."""
         surface = self._surface
-        boxes = [target.last_box for target in targets if target.state is TargetState.TRACKING]
+        boxes = {target.name: target.last_box for target in targets if target.state is not TargetState.IDLE}
         self._camera_rest.take(surface.stamp_ns, frame, (surface.stamp_ns - surface.start_ns) * 1e-9, boxes)
         surface.has_just_halted = self._camera_rest.has_just_halted
 

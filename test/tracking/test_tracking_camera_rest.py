@@ -30,19 +30,19 @@ def frame(share, *, columns=slice(None), seed=0):
 class Watched:
     """What is known after stretches of frames."""
 
-    def __init__(self, *stretches, boxes=()):
+    def __init__(self, *stretches, boxes=None):
         self.rest, self._stamp_ns = CameraRest(), 0
         for stretch in stretches:
             self.go_on(*stretch, boxes=boxes)
 
-    def go_on(self, time_s, share, columns, boxes=()):
+    def go_on(self, time_s, share, columns, boxes=None):
         """Frames of a time (s), of whose pixels in these columns such a share has fired."""
         for step in range(round(time_s / FRAME_S)):
             self._stamp_ns += round(FRAME_S * 1e9)
-            self.rest.take(self._stamp_ns, frame(share, columns=columns, seed=step), FRAME_S, boxes)
+            self.rest.take(self._stamp_ns, frame(share, columns=columns, seed=step), FRAME_S, boxes or {})
 
 
-def after(*stretches, boxes=()):
+def after(*stretches, boxes=None):
     return Watched(*stretches, boxes=boxes).rest
 
 
@@ -71,7 +71,13 @@ def test_one_thing_that_stops_is_not_the_camera():
 
 
 def test_what_targets_do_is_not_what_the_camera_does():
-    assert not after((0.3, 0.03, ALL), (0.1, 0.0, ALL), boxes=[Box(0.0, 0.0, WIDTH, HEIGHT)]).is_at_rest
+    assert not after((0.3, 0.03, ALL), (0.1, 0.0, ALL), boxes={"thing": Box(0.0, 0.0, WIDTH, HEIGHT)}).is_at_rest
+
+
+def test_what_a_target_did_before_it_started_is_not_what_the_camera_does():
+    watched = Watched((0.3, 0.03, ALL))
+    watched.go_on(0.1, 0.03, ALL, boxes={"thing": Box(0.0, 0.0, WIDTH, HEIGHT)})
+    assert not watched.rest.is_at_rest
 
 
 def test_noise_that_ends_says_nothing():
@@ -81,14 +87,14 @@ def test_noise_that_ends_says_nothing():
 def test_a_stream_that_starts_again_has_not_moved_before():
     rest = after((0.3, 0.03, ALL))
     rest.forget()
-    rest.take(10**9, frame(0.0), FRAME_S, [])
+    rest.take(10**9, frame(0.0), FRAME_S, {})
     assert not rest.is_at_rest
 
 
 def test_a_frame_without_duration_says_nothing():
     rest = after((0.3, 0.03, ALL))
     for _ in range(100):
-        rest.take(10**9, frame(0.0), 0.0, [])
+        rest.take(10**9, frame(0.0), 0.0, {})
     assert not rest.is_at_rest
 
 
