@@ -114,12 +114,14 @@ def ious(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
 
 def shared_areas(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
     """The area that each row has in common with each row of the others (pixels^2), shape (n, m)."""
-    return np.asarray(np.maximum(shared_sides(boxes, others), 0.0).prod(2), np.float64)
+    across, down = np.maximum(shared_sides(boxes, others), 0.0)
+    return np.asarray(across * down, np.float64)
 
 
 def shared_sides(boxes: BoxArray, others: BoxArray) -> npt.NDArray[np.float64]:
     """How far each row reaches into each row of the others along x and along y (pixels), below 0 by the gap between
-    them, shape (n, m, 2)."""
-    near, other_near = boxes[:, None, :2], others[:, :2]
-    far, other_far = near + boxes[:, None, 2:4], other_near + others[:, 2:4]
+    them, shape (2, n, m): each direction lies by itself in memory, which is twice as fast for many boxes."""
+    columns, other_columns = np.ascontiguousarray(boxes.T)[:4, :, None], np.ascontiguousarray(others.T)[:4, None]
+    near, other_near = columns[:2], other_columns[:2]
+    far, other_far = near + columns[2:], other_near + other_columns[2:]
     return np.asarray(np.minimum(far, other_far) - np.maximum(near, other_near), np.float64)

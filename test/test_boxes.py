@@ -42,7 +42,7 @@ def test_every_pair_of_boxes_shares_what_the_two_share(first, second):
 
 def test_how_far_boxes_reach_into_others_is_below_0_by_the_gap_between_them():
     boxes, others = np.array([[0.0, 0.0, 10.0, 6.0]]), np.array([[4.0, -2.0, 10.0, 5.0], [13.0, 1.0, 2.0, 2.0]])
-    np.testing.assert_array_equal(shared_sides(boxes, others), [[[6.0, 3.0], [-3.0, 2.0]]])
+    np.testing.assert_array_equal(shared_sides(boxes, others), [[[6.0, -3.0]], [[3.0, 2.0]]])
     np.testing.assert_array_equal(shared_areas(boxes, others), [[18.0, 0.0]])
 
 

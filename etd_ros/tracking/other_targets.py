@@ -101,9 +101,9 @@ def _tell(targets: Sequence[Placed], moving: Float64Array, stamp_ns: int) -> Non
     """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
     own is free of them: what two of them have in common counts twice."""
     sizes, common = moving[:, 2:4], shared_sides(moving, moving)
-    is_near = common.min(2) > -sizes.max(1)[:, None]
+    is_near = common.min(0) > -sizes.max(1)[:, None]
     np.fill_diagonal(is_near, val=False)
-    shared = np.where(is_near, np.maximum(common, 0.0).prod(2), 0.0)
+    shared = np.where(is_near, np.maximum(common, 0.0).prod(0), 0.0)
     free = 1.0 - shared.sum(1) / sizes.prod(1)
     for target, are_near, free_share in zip(targets, is_near, free.tolist(), strict=True):
         if free_share >= FREE_MIN and are_near.any():
