@@ -26,7 +26,7 @@ REST_SHARE, MOVING_SHARE = 0.2, 0.4
 """At rest there are fewer events than this share of the usual ones; from the second on it moves again."""
 EVENTS_MIN = 24.0
 """So many are usual in the recent time: that there are none would be chance otherwise."""
-HALT_NS = 500_000_000
+HALT_NS = 300_000_000
 """What had no events within so long has lost them by the halt; what has none later has gone behind something."""
 BESIDE = 1.5
 """Width and height in those of a box of what its target may fill with events."""

@@ -91,6 +91,8 @@ class ContourSearch:
     """The search for one lost target.
 
     Attributes:
+        has_left: whether it left over the sensor's border.
+        has_gap: whether it is lost because events were missing.
         is_unsettled: whether the target was found elsewhere than where its motion would have brought it, so that its
             motion is not known.
     """
@@ -124,7 +126,7 @@ class ContourSearch:
         self._usual = usual
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
-        self.has_left = left_over is not None
+        self.has_left, self.has_gap = left_over is not None, has_gap
         self._arrivals = left_over and Arrivals(surface, left_over, contours.body, before, usual_speed_px_s)
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX

@@ -325,9 +325,10 @@ class ContourTarget:
             self._search_from(since_ns, left_over, has_gap=True)
 
     def _stood_still(self, stamp_ns: int) -> bool:
-        """Whether a target that was just lost stands where it was, as the camera has come to a halt; then it does."""
+        """Whether a target that was just lost stands where it was, as the camera has come to a halt; then it does.
+        What moved on while events were missing, or has left, is elsewhere."""
         search = self._search
-        is_new = search.since_s < SHAKEN_S and not search.has_left
+        is_new = search.since_s < SHAKEN_S and not (search.has_left or search.has_gap)
         if not (is_new and self._surface.has_just_halted and self._state is TargetState.RECOVERING):
             return False
         self._body.pose[:] = self._doubts.before.pose
