@@ -1,6 +1,6 @@
 """What `etd-plus` makes of what stands still before a camera that jolts: on a robot that brakes, or drives over bumps.
 
-    python docs/jolt_measures.py [FIRST LAST]     # seeds, 0 and 12 if none are given; six minutes
+    python docs/jolt_measures.py [FIRST LAST]     # seeds, 0 and 12 if none are given; five minutes beside other work
 
 The sheets are those of `handheld_measures`. The camera goes straight on at 30 to 200 px/s, comes to a halt within 0.02
 to 0.15 s, shakes and stands for 0.8 s ("brakes"); or it goes to and fro and jolts three times ("bumps"). It shakes

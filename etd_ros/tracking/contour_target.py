@@ -331,7 +331,7 @@ class ContourTarget:
         is_new = search.since_s < SHAKEN_S and not (search.has_left or search.has_gap)
         if not (is_new and self._surface.has_just_halted and self._state is TargetState.RECOVERING):
             return False
-        self._body.pose[:] = self._doubts.before.pose
+        self._doubts.come_back()
         self._body.stamp_ns = stamp_ns
         self._contours.stop()
         return True
