@@ -48,12 +48,14 @@ SAMPLE_TRUST = 0.9
 SAMPLE_PAIRS_MIN, PATIENCE = 25, 128
 """A sample that has lost as much as so many pairs of equal levels errs by about a fifth (one over the root of their
 number) where they are strewn. From then on a frame waits until NZGE has most likely reached alpha, but not for more
-than one in so many of its events, or a stride: a check of all its cells that fails costs more than that.
+than one in so many of its events, or a stride: a check of all its cells that fails costs more than that. So it does
+where the last frame tells instead of a sample.
 """
 
 SURPRISE_MAX, EXPECTING_EVENTS_MIN = 0.004, 2000
-"""A frame is expected to lose what the last one did where that had lost what was expected, to this share of its
-entropy. Else a sample tells, as it does for frames of fewer events: of those a stride is a large part.
+"""A frame is expected to lose what the last one that NZGE ended did, where that had lost what was expected, to this
+share of its entropy; by as much as that was off it is unsure. Else a sample tells, as it does for frames of fewer
+events: of those a stride is a large part.
 """
 
 FULL_EVENTS = 12
@@ -121,7 +123,7 @@ events but no entropy. From which event on NZGE has most likely reached alpha (`
 that found less than alpha, and up to which event NZGE is known to be below alpha (`below`, 0: no bound has let it reach
 that yet).
 
-What the last frame had lost at its end, as a share of that sum, and its share of cells without entropy; its events
+What the last frame that NZGE ended had lost, as a share of that sum, and its share of cells without entropy; its events
 (0: none is known); by how much its lost share was another one than expected (`surprise`).
 
 The first event of the block of the batch whose slots the map holds, and the one behind its last: frames end within
@@ -314,7 +316,9 @@ def _advance(
         if strides == 0:
             nzge = _read_out(cells, state, duration_ns, False, data)
             if is_late or nzge >= alpha:
-                _expect_the_same(state)
+                # What its time ends may have half the events that alpha takes, and not tell what twice as many lose.
+                if not is_late:
+                    _expect_the_same(state)
                 _clear(cells, state)
                 return (BY_TIME, i, t[i], nzge, events) if is_late else (BY_NZGE, i, t[i - 1], nzge, events)
             strides = _fail(state, check_stride)
@@ -349,19 +353,21 @@ def _strides_below(
     is_expected = state[0].expected_events > 0 and state[0].surprise <= SURPRISE_MAX
     if state[0].looked == 0 and is_bound and is_expected and state[0].events >= EXPECTING_EVENTS_MIN:
         # Two events lose something together, so that the share of what is lost grows with their number.
-        share = state[0].expected * state[0].events / state[0].expected_events + state[0].surprise
+        share = state[0].expected * state[0].events / state[0].expected_events
         with_entropy = state[0].counted * (1 - state[0].expected_without)
         missing = with_entropy * per_cell - state[0].entropy * (1 - share)
+        unsure = state[0].entropy * state[0].surprise
     else:
         if state[0].looked == 0:
             _look_at_sample(cells, state, duration_ns, data)
         with_entropy = state[0].counted - state[0].without_entropy
         missing = with_entropy * per_cell - (state[0].entropy - state[0].lost)
-        if missing <= 0:
-            if state[0].near == 0:
-                state[0].near = state[0].events
-            missing += state[0].unsure
-            room = min(room, state[0].near + state[0].near // PATIENCE - state[0].events)
+        unsure = state[0].unsure
+    if missing <= 0:
+        if state[0].near == 0:
+            state[0].near = state[0].events
+        missing += unsure
+        room = min(room, state[0].near + state[0].near // PATIENCE - state[0].events)
     if missing <= 0 or room <= 0:
         return 0
     return max(1, int(min(missing / gain_max, room / check_stride)))

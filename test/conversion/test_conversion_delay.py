@@ -6,6 +6,7 @@ from conversion_oracles import CHANNEL_ENTROPIES, DATA, first_events, slider_dep
 
 from etd_ros.benchmarking.streams import synthetic
 from etd_ros.conversion import PAPER_INTERVAL, AtsltdConfig, AtsltdConverter, FrameEnd, nzge
+from etd_ros.conversion.kernels import PATIENCE
 
 ALPHA = PAPER_INTERVAL[0]
 STRIDE = AtsltdConfig().check_stride
@@ -82,6 +83,27 @@ def test_a_frame_that_gains_little_does_not_wait_for_long_until_its_sample_is_su
     events = first_events(DATA / "drivers" / "evt3_640x480", 180_000)[146_428:]
     (found,) = delays(events, 1, 1)
     assert found <= DELAY_MAX
+
+
+def test_nor_does_one_after_quiet_frames_that_their_time_ended():
+    # It has twice their events, of which it loses less than their share would grow to: 1,220 events late if that were
+    # expected of it.
+    events = first_events(DATA / "drivers" / "evt3_640x480", 180_000)[118_256:170_000]
+    (found,) = delays(events, 1, 1)
+    assert found <= DELAY_MAX
+
+
+def test_a_frame_that_is_expected_to_have_reached_alpha_is_looked_at_soon_however_unsure_that_is():
+    events = first_events(DATA / "drivers" / "evt3_640x480", 230_000)[118_256:229_000]
+    converter = AtsltdConverter(640, 480)
+    state = converter._accumulator.state
+    waited = 0
+    for first in range(0, len(events), STRIDE):
+        list(converter.convert(events[first : first + STRIDE]))
+        if state["near"][0] > 0 and state["looked"][0] == 0:
+            waited += 1
+            assert state["events"][0] - state["near"][0] <= state["near"][0] // PATIENCE + STRIDE
+    assert waited > 0
 
 
 def test_where_a_sample_is_sure_checks_of_all_cells_hardly_ever_fail():
