@@ -19,7 +19,14 @@ from etd_ros.commands.progress import with_progress
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.track import read_settings
 from etd_ros.conversion import ConversionError
-from etd_ros.conversion.calibration import Calibration, CalibrationConfig, Sample, calibrate, clear_frames
+from etd_ros.conversion.calibration import (
+    SAMPLES_MIN,
+    Calibration,
+    CalibrationConfig,
+    Sample,
+    calibrate,
+    clear_frames,
+)
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.overlay import Picture
 from etd_ros.parameters import ParameterError
@@ -160,8 +167,8 @@ class _Sheet:
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    if options.samples < 1:
-        msg = f"--samples {options.samples} is no number of frames: give 1 or more, as in 100"
+    if options.samples < SAMPLES_MIN:
+        msg = f"--samples {options.samples} is out of range: an interval needs {SAMPLES_MIN} frames or more, as in 100"
         raise ConversionError(msg)
     if not 0 < options.significance < 1:
         msg = f"--significance {options.significance:g} is out of range: give a number between 0 and 1, as in 0.05"

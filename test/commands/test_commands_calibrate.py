@@ -122,10 +122,6 @@ def test_noise_without_contours_is_refused_by_name(capsys, place, tmp_path):
     assert "noise_filter.window_s" in line
 
 
-def test_too_few_samples_are_refused(capsys, place, demo):
-    assert "5 frames" in refused(capsys, place, str(demo), "--samples", "5", "--output", "a.yaml")
-
-
 def test_an_interval_that_the_nodes_would_refuse_is_not_written(capsys, place, demo):
     line = refused(capsys, place, str(demo), "--samples", "20", "--significance", "1e-300", "--output", "a.yaml")
     assert "--significance 1e-300" in line
@@ -136,6 +132,7 @@ def test_an_interval_that_the_nodes_would_refuse_is_not_written(capsys, place, d
     ("arguments", "words"),
     [
         (("--samples", "0"), "--samples 0"),
+        (("--samples", "9"), "needs 10 frames"),
         (("--significance", "0"), "--significance 0"),
         (("--significance", "1.5"), "--significance 1.5"),
         (("--significance", "nan"), "--significance nan"),
