@@ -222,8 +222,7 @@ class ContourTarget:
         self._images.time_went_back(stamp_ns)
         if self._refinement:
             self._refinement.time_went_back(stamp_ns)
-        self._doubts.sure = None
-        self._doubts.failing_s = 0.0
+        self._doubts.begin_anew()
         self._following.motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._doubts.stand_here()
@@ -375,5 +374,5 @@ class ContourTarget:
         """Follow it again from where it is now."""
         self._state = TargetState.TRACKING
         self._held = None
-        self._doubts.failing_s = 0.0
+        self._doubts.begin_anew()
         self._following.go_on(confidence, is_unsettled=is_unsettled)

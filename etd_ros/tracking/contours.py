@@ -71,7 +71,7 @@ class Contours:
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
         self.config = config
         self.body = Body(box, stamp_ns)
-        self._growth_by_flow: GrowthByFlow | None = None
+        self._growth_by_flow = GrowthByFlow()
         self._turning_by_flow: TurningByFlow | None = None
         self._trial: TurningTrial | None = None
         self._may_stride = box.h > STRIDING_MIN * box.w
@@ -249,13 +249,13 @@ class Contours:
     def stop(self) -> None:
         """Take the target to be at rest."""
         self.body.stop()
-        self._growth_by_flow = None
+        self._growth_by_flow = GrowthByFlow()
         self._turning_by_flow = self._trial = None
 
     def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
         """The target has changed as for `Body.change_since`, by the flow of its edges."""
         self._turning_by_flow = TurningByFlow() if turning_rad_s != 0 else None
-        self._growth_by_flow = GrowthByFlow() if growing_per_s != 0 else None
+        self._growth_by_flow = GrowthByFlow(grows=growing_per_s != 0)
         self.body.change_since(pose, growing_per_s, turning_rad_s, time_s)
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:
@@ -383,15 +383,12 @@ class Contours:
             body.growing.doubt_if_below_0()
 
     def _take_growth_of_flow(self, surface: TimeSurface) -> None:
-        """Believe how fast a target that began to grow does so by the flow of its edges. Of others, what passes before
-        or behind them would be taken for it."""
+        """Believe the flow of the target's edges about how fast it grows, unless its size is kept."""
         body = self.body
-        if self._growth_by_flow is not None:
-            correction = self._growth_by_flow.correction(
-                surface, body.box, body.pose[:2], body.speed_px_s, body.growing.per_s
+        if self.config.scale_gain > 0:
+            body.growing.per_s += self._growth_by_flow.correction(
+                surface, body.box, body.pose[:2], body.speed_px_s, body.growing.per_s, self.covered
             )
-            # What something covers seems to shrink.
-            body.growing.per_s += (1 - self.covered) * correction
 
     def _note_direction(self) -> None:
         motion = self.body.motion * (1.0, 1.0, self._arm_px, self._arm_px)

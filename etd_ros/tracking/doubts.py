@@ -108,6 +108,10 @@ class Doubts:
         """Count a look that is believed, so long after the last one (s)."""
         self.failing_s = max(0.0, self.failing_s - FORGIVING * elapsed_s)
 
+    def begin_anew(self) -> None:
+        """The target is followed from where it is now: where it stood before says nothing of it any more."""
+        self.failing_s, self.sure = 0.0, None
+
     def come_less_far(self) -> None:
         """What slowed down while it was doubted went on at its old speed: it is half way between there and where it was
         before, unless that is so far that something else has drawn its box along."""

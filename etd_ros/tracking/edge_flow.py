@@ -50,6 +50,7 @@ def edge_flow(
     y: float,
     *,
     may_turn: bool = False,
+    by_edge: bool = False,
 ) -> EdgeFlow | None:
     """How the edges in a window move.
 
@@ -61,12 +62,13 @@ def edge_flow(
         x: the column of the place round which they grow (pixels).
         y: its row (pixels).
         may_turn: whether they may turn round it as well.
+        by_edge: whether the error of growing by whole edges is asked for.
 
     Returns:
         The motion, or None where there are too few edges.
     """
     flows = _flows(times, now_ns, span_s, window, x, y)
-    return None if len(flows) < FLOWS_MIN else _motion(flows, PARTS_TURNING if may_turn else PARTS)
+    return None if len(flows) < FLOWS_MIN else _motion(flows, PARTS_TURNING if may_turn else PARTS, by_edge=by_edge)
 
 
 def edge_flows(

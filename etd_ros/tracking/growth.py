@@ -2,7 +2,8 @@
 
 Looks hardly tell: the model of a thing that comes nearer is found again on the edge that moves most, and what the
 others do is taken for a poor fit. The flow needs no model, and says how far it is to be believed. But it takes in all
-edges in the box, and so counts only where there are few round it.
+edges in the box, of what covers the target or lies behind it as well: it counts where there are few round it, or where
+all edges agree so well that they are of one thing.
 """
 
 from __future__ import annotations
@@ -33,6 +34,11 @@ SPAN_PX, SPAN_MIN_S, SPAN_MAX_S = 6.0, 0.01, 0.3
 MOVED_MIN_PX = 2.0
 ERROR_MAX_PER_S = 0.15
 """A flow with a larger standard error is not asked."""
+SURE_PER_S = 0.1
+"""A flow is sure whose standard error is no larger, also by whole edges: what covers a target, or lies behind it, has
+edges that do not go with the others."""
+GROWING_PER_S = 0.5
+"""What grows so fast by its looks, and is not covered, is known to grow."""
 RING_SCALE, RING_PX, RING_MAX = 1.2, 4.0, 0.15
 """Where there are more events in a ring than this share of those in the box, for each pixel, the edges in the box may
 be those of what lies behind. The ring is so wide, as the surface is kept up to date no farther out, round the box so
@@ -66,15 +72,22 @@ def growth_trust(flow: EdgeFlow, arm_px: float, time_s: float) -> float:
 
 
 class GrowthByFlow:
-    """Puts a target's rate of growth right while it is followed, by the lesser of two flows that agree about its
-    sign."""
+    """Puts the rate of growth of a target right while it is followed, once it is known to grow, by the lesser of two
+    flows that agree about its sign. Of what does not, the edges of what covers it would be taken for its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, grows: bool = False) -> None:
+        self._grows = grows
         self._rate = MeasuredRate(MEASURE_S, UNKNOWN_PER_S, CHANGES_PER_S)
         self._last_per_s: float | None = None
 
     def correction(
-        self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, growing_per_s: float
+        self,
+        surface: TimeSurface,
+        box: Box,
+        place: Float64Array,
+        speed_px_s: float,
+        growing_per_s: float,
+        covered: float,
     ) -> float:
         """What to add to the rate of growth (1/s).
 
@@ -84,13 +97,18 @@ class GrowthByFlow:
             place: x, y of its middle (pixels).
             speed_px_s: how fast it moves.
             growing_per_s: how fast it is taken to grow (1/s).
+            covered: how surely something covers it, 0 to 1: what is covered seems to shrink.
         """
-        if not self._rate.is_due(surface.stamp_ns):
+        self._grows = self._grows or (covered == 0 and abs(growing_per_s) >= GROWING_PER_S)
+        if not self._grows or not self._rate.is_due(surface.stamp_ns):
             return 0.0
         arm = arm_px(box.w, box.h)
         fastest_px_s = max(speed_px_s, abs(growing_per_s) * arm, 1e-3)
         span_s = min(max(SPAN_PX / fastest_px_s, SPAN_MIN_S), SPAN_MAX_S)
-        flow = self._flow(surface, box, place, span_s)
+        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, *place.tolist(), by_edge=True)
+        is_sure = flow is not None and max(flow.growing_error, flow.growing_error_by_edge) <= SURE_PER_S
+        if flow is not None and not is_sure and not _may_be_believed(flow, surface, box, span_s):
+            flow = None
         last_per_s, self._last_per_s = self._last_per_s, None if flow is None else flow.growing_per_s
         if flow is None or last_per_s is None:
             return 0.0
@@ -98,16 +116,13 @@ class GrowthByFlow:
         more, more_before = flow.growing_per_s - growing_per_s, last_per_s - growing_per_s
         if moved_px < MOVED_MIN_PX or more * more_before <= 0:
             return 0.0
-        return self._rate.gain(_error(flow), span_s) * min(more, more_before, key=abs)
+        share = 1.0 if is_sure else 1 - covered
+        return share * self._rate.gain(_error(flow), span_s) * min(more, more_before, key=abs)
 
-    @staticmethod
-    def _flow(surface: TimeSurface, box: Box, place: Float64Array, span_s: float) -> EdgeFlow | None:
-        """The flow of a target's edges, if it can be believed."""
-        x, y = place.tolist()
-        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y)
-        if flow is None or flow.growing_error > ERROR_MAX_PER_S or not stands_alone(surface, box, span_s):
-            return None
-        return flow
+
+def _may_be_believed(flow: EdgeFlow, surface: TimeSurface, box: Box, span_s: float) -> bool:
+    """Whether a flow that is not sure can be believed to be of the edges in a box alone."""
+    return flow.growing_error <= ERROR_MAX_PER_S and stands_alone(surface, box, span_s)
 
 
 def stands_alone(surface: TimeSurface, box: Box, span_s: float, around_max: float = RING_MAX) -> bool:

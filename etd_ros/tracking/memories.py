@@ -102,4 +102,4 @@ class Memories:
         np.copyto(self._seen, remembered.seen)
 
     def _weigh(self, *, sees_covers: bool) -> None:
-        self.cells.weigh(self.usual, self._recent, self._latest, sees_covers=sees_covers)
+        self.cells.weigh(self.usual, self._recent, self._latest, self._seen, sees_covers=sees_covers)

@@ -104,10 +104,12 @@ class TimeSurface:
         """Whether the events of a window that are at most so old are strewn, as those of no edge are."""
         return bool(are_strewn(self._times, self.stamp_ns, duration_s, *window))
 
-    def flow(self, window: Window, duration_s: float, x: float, y: float, *, may_turn: bool = False) -> EdgeFlow | None:
+    def flow(
+        self, window: Window, duration_s: float, x: float, y: float, *, may_turn: bool = False, by_edge: bool = False
+    ) -> EdgeFlow | None:
         """How the edges in a window move and grow, and turn if they may, round a place (pixels), by events that are at
-        most so old."""
-        return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y, may_turn=may_turn)
+        most so old; by_edge as for `edge_flow`."""
+        return edge_flow(self._times, self.stamp_ns, duration_s, window, x, y, may_turn=may_turn, by_edge=by_edge)
 
     def flows(self, window: Window, duration_s: float, x: float, y: float) -> EdgeFlows | None:
         """The same without turning round the place and with it."""

@@ -87,6 +87,17 @@ def test_it_goes_back_to_where_it_was_seen_surely_unless_that_was_long_ago(age_n
     assert (doubts.before is doubts.sure) == is_sure
 
 
+def test_what_is_found_and_lost_again_at_once_is_not_where_it_was_before():
+    body, doubts = doubts_about()
+    doubts.note_sure(0.01)
+    move_on(body, 0.2)
+    doubts.begin_anew()
+    stood = body.pose.copy()
+    doubts.doubt(0.01)
+    doubts.go_back()
+    np.testing.assert_array_equal(body.pose, stood)
+
+
 def test_the_velocity_of_what_is_seen_surely_is_an_average():
     body, doubts = doubts_about(velocity=(100.0, 0.0))
     doubts.note_sure(0.01)

@@ -1,5 +1,7 @@
 """What comes nearer or goes away is followed by a box that grows and shrinks with it."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from etd_ros.tracking import ContourConfig, TargetState
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.growth import (
     ERROR_MAX_PER_S,
+    GROWING_PER_S,
     MEASURE_S,
     RING_SCALE,
     START_MOVED_PX,
+    SURE_PER_S,
     GrowthByFlow,
     arm_px,
     growth_trust,
@@ -73,8 +77,13 @@ def test_what_moves_along_is_not_taken_to_grow():
     assert 0.9 < min(sides) <= max(sides) < 1.1
 
 
-def flow(growing_per_s, error=0.05, velocity=(0.0, 0.0)):
-    return EdgeFlow(np.array(velocity), growing_per_s, error)
+def flow(growing_per_s, error=0.05, *, by_edge=2 * SURE_PER_S):
+    """One whose edges do not all agree, unless that is said."""
+    return EdgeFlow(np.zeros(2), growing_per_s, error, growing_error_by_edge=by_edge)
+
+
+def sure(growing_per_s):
+    return flow(growing_per_s, by_edge=SURE_PER_S)
 
 
 def test_a_start_believes_a_flow_by_how_sure_it_is():
@@ -90,9 +99,8 @@ def test_a_start_takes_a_flow_that_is_unsure_or_of_hardly_any_motion_for_none():
 
 
 def test_a_start_takes_growth_that_a_single_edge_decides_for_none():
-    sure = flow(1.5)
-    assert growth_trust(sure._replace(growing_error_by_edge=0.3), 20.0, 0.1) == growth_trust(sure, 20.0, 0.1)
-    assert growth_trust(sure._replace(growing_error_by_edge=0.5), 20.0, 0.1) == 0
+    assert growth_trust(flow(1.5, by_edge=0.3), 20.0, 0.1) == growth_trust(sure(1.5), 20.0, 0.1)
+    assert growth_trust(flow(1.5, by_edge=0.5), 20.0, 0.1) == 0
 
 
 def triangle_moving(velocity_px_s):
@@ -118,7 +126,8 @@ class FlowingSurface:
         self._flows, self._counts = iter(flows), (inside, inside + around)
         self.stamp_ns = 0
 
-    def flow(self, window, duration_s, x, y):
+    def flow(self, window, duration_s, x, y, *, by_edge):
+        assert by_edge
         return next(self._flows)
 
     def window(self, box, margin):
@@ -128,11 +137,11 @@ class FlowingSurface:
         return self._counts[window[1] > RING_SCALE * BOX.h + 1]
 
 
-def corrections(surface, growing_per_s=0.0, times=2, step_s=MEASURE_S):
-    growth, found = GrowthByFlow(), []
+def corrections(surface, growing_per_s=0.0, *, times=2, step_s=MEASURE_S, covered=0.0, grows=True):
+    growth, found = GrowthByFlow(grows=grows), []
     for _ in range(times):
         surface.stamp_ns += round(step_s * 1e9)
-        found.append(growth.correction(surface, BOX, PLACE, 50.0, growing_per_s))
+        found.append(growth.correction(surface, BOX, PLACE, 50.0, growing_per_s, covered))
     return found
 
 
@@ -158,8 +167,52 @@ def test_other_flows_change_nothing(flows, growing_per_s):
     assert corrections(FlowingSurface(flows), growing_per_s) == [0.0, 0.0]
 
 
-def test_a_flow_amid_other_things_changes_nothing():
+def test_a_flow_amid_other_things_changes_nothing_unless_all_its_edges_agree():
     assert corrections(FlowingSurface([flow(2.0), flow(2.0)], around=200)) == [0.0, 0.0]
+    alone = corrections(FlowingSurface([flow(2.0), flow(2.0)]))
+    assert corrections(FlowingSurface([sure(2.0), sure(2.0)], around=200)) == alone
+
+
+def test_what_something_covers_is_not_taken_to_shrink_unless_all_edges_agree():
+    covered = corrections(FlowingSurface([flow(-2.0), flow(-2.0)]), covered=1.0)
+    assert covered == [0.0, 0.0]
+    free = corrections(FlowingSurface([flow(-2.0), flow(-2.0)]))
+    assert corrections(FlowingSurface([sure(-2.0), sure(-2.0)]), covered=1.0) == free
+
+
+def test_what_is_not_known_to_grow_is_not_measured():
+    assert corrections(FlowingSurface([]), grows=False) == [0.0, 0.0]
+    slowly = GROWING_PER_S - 0.1
+    assert corrections(FlowingSurface([]), slowly, grows=False) == [0.0, 0.0]
+    assert corrections(FlowingSurface([]), GROWING_PER_S, grows=False, covered=0.1) == [0.0, 0.0]
+
+
+def test_what_grows_by_its_looks_is_measured_from_then_on():
+    growth, surface = GrowthByFlow(), FlowingSurface([sure(-2.0)] * 2)
+    for growing_per_s, covered in ((GROWING_PER_S, 0.0), (0.4, 1.0)):
+        surface.stamp_ns += round(MEASURE_S * 1e9)
+        correction = growth.correction(surface, BOX, PLACE, 50.0, growing_per_s, covered)
+    assert correction < -0.5
+
+
+def breathing_disc():
+    """A half bright, half dark disc that grows, turns its way, and shrinks again."""
+    rows, columns = np.mgrid[:48, :48]
+    mask = (np.hypot(columns - 23.5, rows - 23.5) < 24).astype(float)
+    picture = np.where(columns + 0.3 * rows > 31, 0.9, 0.2)
+    waypoints = []
+    for time_s in np.linspace(0, 2.4, 49).tolist():
+        turned, scale = 2.2 * time_s, 0.8 * math.exp(0.5 * math.sin(2.0 * time_s))
+        waypoints.append(Waypoint(time_s, X + 30 * math.sin(turned), Y + 22 * (1 - math.cos(turned)), scale))
+    rows, columns = np.mgrid[:180, :240]
+    cloudy = 0.5 + 0.35 * np.sin(columns / 31) * np.sin(rows / 23)
+    return Scene(240, 180, 2.4, cloudy, (Sprite("thing", picture, mask, Path(waypoints)),))
+
+
+def test_what_grows_and_shrinks_again_is_not_taken_to_be_covered():
+    found = tracked(breathing_disc(), start_s=0.02)
+    overlaps = [overlap(report, truth) for _, report, truth in found]
+    assert np.mean(overlaps) > 0.85
 
 
 def test_flows_are_not_measured_more_often_than_they_change():
