@@ -255,7 +255,7 @@ class Contours:
     def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
         """The target has changed as for `Body.change_since`, by the flow of its edges."""
         self._turning_by_flow = TurningByFlow() if turning_rad_s != 0 else None
-        self._growth_by_flow = GrowthByFlow(grows=growing_per_s != 0)
+        self._growth_by_flow = GrowthByFlow(grows=growing_per_s != 0, is_new=True)
         self.body.change_since(pose, growing_per_s, turning_rad_s, time_s)
 
     def begin(self, direction: Float64Array, looks: float, looks_known: int) -> None:

@@ -13,6 +13,7 @@ import math
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow
+from etd_ros.tracking.known_growth import KnownGrowth, error_by_all
 from etd_ros.tracking.measured_rate import MeasuredRate
 from etd_ros.tracking.surface import TimeSurface, Window
 
@@ -37,8 +38,6 @@ ERROR_MAX_PER_S = 0.15
 SURE_PER_S = 0.1
 """A flow is sure whose standard error is no larger, also by whole edges: what covers a target, or lies behind it, has
 edges that do not go with the others."""
-GROWING_PER_S = 0.5
-"""What grows so fast by its looks, and is not covered, is known to grow."""
 RING_SCALE, RING_PX, RING_MAX = 1.2, 4.0, 0.15
 """Where there are more events in a ring than this share of those in the box, for each pixel, the edges in the box may
 be those of what lies behind. The ring is so wide, as the surface is kept up to date no farther out, round the box so
@@ -64,8 +63,7 @@ def growth_trust(flow: EdgeFlow, arm_px: float, time_s: float) -> float:
     growing_per_s = flow.growing_per_s
     has_moved = abs(growing_per_s) * arm_px * time_s >= START_MOVED_PX
     # Few edges may go wrong together, however many flows they have.
-    error_per_s = max(flow.growing_error, flow.growing_error_by_edge)
-    if not has_moved or abs(growing_per_s) < START_ERRORS * error_per_s:
+    if not has_moved or abs(growing_per_s) < START_ERRORS * error_by_all(flow):
         return 0.0
     share = 1 / (1 + (_error(flow) / START_USUAL_PER_S) ** 2)
     return share if share > START_SHARE_MIN else 0.0
@@ -75,8 +73,14 @@ class GrowthByFlow:
     """Puts the rate of growth of a target right while it is followed, once it is known to grow, by the lesser of two
     flows that agree about its sign. Of what does not, the edges of what covers it would be taken for its own."""
 
-    def __init__(self, *, grows: bool = False) -> None:
-        self._grows = grows
+    def __init__(self, *, grows: bool = False, is_new: bool = False) -> None:
+        """Begin.
+
+        Args:
+            grows: whether the target is known to grow.
+            is_new: whether it has just started.
+        """
+        self._known = KnownGrowth(grows=grows, is_new=is_new)
         self._rate = MeasuredRate(MEASURE_S, UNKNOWN_PER_S, CHANGES_PER_S)
         self._last_per_s: float | None = None
 
@@ -99,15 +103,16 @@ class GrowthByFlow:
             growing_per_s: how fast it is taken to grow (1/s).
             covered: how surely something covers it, 0 to 1: what is covered seems to shrink.
         """
-        self._grows = self._grows or (covered == 0 and abs(growing_per_s) >= GROWING_PER_S)
-        if not self._grows or not self._rate.is_due(surface.stamp_ns):
+        may_grow = self._known.may_be(surface.stamp_ns, growing_per_s, covered)
+        if not may_grow or not self._rate.is_due(surface.stamp_ns):
             return 0.0
         arm = arm_px(box.w, box.h)
         fastest_px_s = max(speed_px_s, abs(growing_per_s) * arm, 1e-3)
         span_s = min(max(SPAN_PX / fastest_px_s, SPAN_MIN_S), SPAN_MAX_S)
         flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, *place.tolist(), by_edge=True)
-        is_sure = flow is not None and max(flow.growing_error, flow.growing_error_by_edge) <= SURE_PER_S
-        if flow is not None and not is_sure and not _may_be_believed(flow, surface, box, span_s):
+        self._known.learn(flow)
+        is_sure = flow is not None and error_by_all(flow) <= SURE_PER_S
+        if flow is not None and not (self._known.is_known and (is_sure or _may_be_own(flow, surface, box, span_s))):
             flow = None
         last_per_s, self._last_per_s = self._last_per_s, None if flow is None else flow.growing_per_s
         if flow is None or last_per_s is None:
@@ -120,8 +125,8 @@ class GrowthByFlow:
         return share * self._rate.gain(_error(flow), span_s) * min(more, more_before, key=abs)
 
 
-def _may_be_believed(flow: EdgeFlow, surface: TimeSurface, box: Box, span_s: float) -> bool:
-    """Whether a flow that is not sure can be believed to be of the edges in a box alone."""
+def _may_be_own(flow: EdgeFlow, surface: TimeSurface, box: Box, span_s: float) -> bool:
+    """Whether a flow that is not sure may be of the edges of a box's target alone."""
     return flow.growing_error <= ERROR_MAX_PER_S and stands_alone(surface, box, span_s)
 
 

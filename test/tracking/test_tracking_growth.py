@@ -13,7 +13,6 @@ from etd_ros.tracking import ContourConfig, TargetState
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.growth import (
     ERROR_MAX_PER_S,
-    GROWING_PER_S,
     MEASURE_S,
     RING_SCALE,
     START_MOVED_PX,
@@ -22,6 +21,7 @@ from etd_ros.tracking.growth import (
     arm_px,
     growth_trust,
 )
+from etd_ros.tracking.known_growth import GROWING_PER_S, NEW_AGREEING, NEW_GROWING_PER_S, NEW_S, NEW_SURE_PER_S
 
 DURATION_S = 0.7
 NEARS_S = 1.5
@@ -185,6 +185,35 @@ def test_what_is_not_known_to_grow_is_not_measured():
     slowly = GROWING_PER_S - 0.1
     assert corrections(FlowingSurface([]), slowly, grows=False) == [0.0, 0.0]
     assert corrections(FlowingSurface([]), GROWING_PER_S, grows=False, covered=0.1) == [0.0, 0.0]
+
+
+def corrections_of_what_is_new(flows, step_s=MEASURE_S, is_new=True):
+    growth, surface, found = GrowthByFlow(is_new=is_new), FlowingSurface(flows), []
+    for _ in flows:
+        surface.stamp_ns += round(step_s * 1e9)
+        found.append(growth.correction(surface, BOX, PLACE, 50.0, 0.0, 0.0))
+    return found
+
+
+def test_what_is_new_grows_where_sure_flows_in_a_row_agree():
+    agree = [flow(2.0, by_edge=NEW_SURE_PER_S)] * NEW_AGREEING
+    *early, last = corrections_of_what_is_new([flow(-2.0), *agree, sure(2.0)])
+    assert early[:-1] == [0.0] * NEW_AGREEING
+    assert last > 0
+    assert not any(corrections_of_what_is_new([*agree, sure(2.0)], is_new=False))
+
+
+@pytest.mark.parametrize(
+    "between", [flow(-2.0, by_edge=0.0), sure(2.0), flow(NEW_GROWING_PER_S - 0.01, by_edge=0.0), None]
+)
+def test_what_is_new_does_not_grow_where_one_flow_of_them_does_not_agree(between):
+    agrees = flow(2.0, by_edge=NEW_SURE_PER_S)
+    assert not any(corrections_of_what_is_new([agrees, agrees, between, agrees]))
+
+
+def test_what_is_no_longer_new_has_to_grow_by_its_looks():
+    agrees = flow(2.0, by_edge=NEW_SURE_PER_S)
+    assert not any(corrections_of_what_is_new([agrees] * 4, step_s=NEW_S / 2))
 
 
 def test_what_grows_by_its_looks_is_measured_from_then_on():

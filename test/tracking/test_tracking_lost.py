@@ -43,11 +43,11 @@ def test_what_comes_out_where_it_is_expected_is_found_before_all_of_it_is_seen(m
 
 
 def test_a_part_that_agrees_with_another_part_does_not_keep_the_search_from_the_target(monkeypatch):
-    seeds = (317,)
-    found = mean_overlap("pillar", seeds)
-    assert found > 0.9
+    seeds = (321,)
+    found = mean_overlap("twins-hidden", seeds)
+    assert found > 0.85
     monkeypatch.setattr(contour_search, "BETTER", math.inf)
-    assert mean_overlap("pillar", seeds) < found - 0.03
+    assert mean_overlap("twins-hidden", seeds) < found - 0.1
 
 
 @pytest.mark.parametrize(("name", "seed"), [("pillar", 17), ("twins-hidden", 47)])
