@@ -92,12 +92,14 @@ class Contours:
 
     @property
     def sweep_px_s(self) -> float:
-        """How fast its edges usually pass over pixels, by its motion and, of what turned from its start on, by that as
-        well (pixels/s)."""
-        speed_px_s = self.body.speed_px_s
-        if self._turning_by_flow is None:
-            return speed_px_s
-        return math.hypot(speed_px_s, self.body.turning.per_s * self._arm_px)
+        """How fast its edges usually pass over pixels (pixels/s): by its motion, of what is known to grow by that as
+        well, and of what turned from its start on by that."""
+        body = self.body
+        growing_per_s = body.growing.per_s if self._growth_by_flow.is_known else 0.0
+        turning_rad_s = body.turning.per_s if self._turning_by_flow is not None else 0.0
+        if growing_per_s == turning_rad_s == 0:
+            return body.speed_px_s
+        return math.hypot(body.speed_px_s, turning_rad_s * self._arm_px, growing_per_s * self._arm_px)
 
     @property
     def _arm_px(self) -> float:
@@ -204,7 +206,7 @@ class Contours:
             points, count, maps, norms, pose, self.cell_px, velocity, motion, config.ridge_weight, any_motion
         )
         moved = min(max(self.sweep_px_s * span_s / config.window_px, MOTION_MIN), 1.0)
-        return Look(x, y, score, events, moved, (direction[0], direction[1]))
+        return Look(x, y, score, events, moved, (direction[0], direction[1]), float(pose[SCALE]))
 
     def sees_noise(self, surface: TimeSurface) -> bool:
         """Whether what a look has where the target should be is noise, so that it makes no events itself."""

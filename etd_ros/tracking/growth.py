@@ -84,6 +84,11 @@ class GrowthByFlow:
         self._rate = MeasuredRate(MEASURE_S, UNKNOWN_PER_S, CHANGES_PER_S)
         self._last_per_s: float | None = None
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the target is known to grow."""
+        return self._known.is_known
+
     def correction(
         self,
         surface: TimeSurface,

@@ -14,6 +14,7 @@ class Look(NamedTuple):
         events: how many are under the model.
         motion: how far the target moved while they came, in parts of `window_px`, 0.15 to 1.
         direction: x, y of the motion that fits the polarities best, of any length.
+        scale: of the model, by which its edges are longer than at the start.
     """
 
     x: float
@@ -22,3 +23,4 @@ class Look(NamedTuple):
     events: float
     motion: float
     direction: tuple[float, float]
+    scale: float = 1.0

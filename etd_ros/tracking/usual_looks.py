@@ -17,7 +17,8 @@ class UsualLooks:
     """Averages over the looks that were believed.
 
     A look is measured by its score and by the number of its events, both as if all of its window were motion: a slow
-    target has fewer events, whose score grows with the root of their number.
+    target has fewer events, whose score grows with the root of their number. It has as many more of them as it has
+    grown since its start, as its edges are longer.
     """
 
     def __init__(self) -> None:
@@ -56,5 +57,6 @@ def _nearer(usual: float, now: float) -> float:
 
 
 def _evidence(look: Look, motion: float) -> tuple[float, float]:
-    """The look's score and the number of its events if all of its window were motion."""
-    return max(look.score / math.sqrt(motion), 1e-6), max(look.events / motion, 1e-6)
+    """The look's score and the number of its events if all of its window were motion, the latter at the size of the
+    start."""
+    return max(look.score / math.sqrt(motion), 1e-6), max(look.events / (motion * look.scale), 1e-6)

@@ -10,6 +10,7 @@ from tracked_scenes import frames_of, overlap, scene_of, tracked
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, SensorConfig, Sprite, Waypoint
 from etd_ros.tracking import ContourConfig, TargetState
+from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.growth import (
     ERROR_MAX_PER_S,
@@ -222,6 +223,16 @@ def test_what_grows_by_its_looks_is_measured_from_then_on():
         surface.stamp_ns += round(MEASURE_S * 1e9)
         correction = growth.correction(surface, BOX, PLACE, 50.0, growing_per_s, covered)
     assert correction < -0.5
+
+
+def test_edges_of_what_is_known_to_grow_pass_over_pixels_by_that_as_well():
+    contours = Contours(BOX, 0, ContourConfig())
+    contours.change_since(contours.body.pose.copy(), 0.0, 0.0, 0.1)
+    contours.body.velocity[:] = 30.0, 0.0
+    contours.body.growing.per_s = 2.0
+    assert contours.sweep_px_s == 30.0, "it is not known to"
+    contours.change_since(contours.body.pose.copy(), 2.0, 0.0, 0.1)
+    assert contours.sweep_px_s > 35.0
 
 
 def breathing_disc():

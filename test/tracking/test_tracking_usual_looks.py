@@ -6,8 +6,8 @@ from etd_ros.tracking.look import Look
 from etd_ros.tracking.usual_looks import UsualLooks
 
 
-def look(score=2.0, events=400.0, motion=1.0):
-    return Look(10.0, 20.0, score, events, motion, (1.0, 0.0))
+def look(score=2.0, events=400.0, motion=1.0, scale=1.0):
+    return Look(10.0, 20.0, score, events, motion, (1.0, 0.0), scale)
 
 
 def usual_of(*looks):
@@ -28,6 +28,13 @@ def test_a_look_is_as_sure_as_the_lesser_of_its_score_and_its_events(seen, share
 
 def test_a_slow_target_with_few_events_is_as_sure_as_a_fast_one():
     assert usual_of(look()).confidence(look(1.0, 100.0, motion=0.25)) == pytest.approx(1.0)
+
+
+def test_a_target_that_has_shrunk_has_as_many_fewer_events():
+    usual = usual_of(look())
+    assert usual.confidence(look(2.0, 200.0, scale=0.5)) == pytest.approx(1.0)
+    assert usual.confidence(look(2.0, 400.0, scale=2.0)) == pytest.approx(0.5)
+    assert usual.confidence_of_lost(look(2.0, 200.0, scale=0.5)) == pytest.approx(1.0)
 
 
 def test_few_events_do_not_count_for_many_where_the_motion_of_a_lost_target_is_not_known():
