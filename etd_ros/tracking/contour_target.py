@@ -285,7 +285,7 @@ class ContourTarget:
         impression, usual = self._first
         self._images.forget_lately()
         self._contours.appear(impression, found.box, stamp_ns)
-        self._doubts.sure = None
+        self._doubts.begin_anew()
         self._following.begin_anew(usual, found.score)
 
     def _vanish(self, stamp_ns: int) -> None:
