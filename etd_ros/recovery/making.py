@@ -25,8 +25,8 @@ def make_recovery(config: RecoveryConfig | None = None) -> Callable[[], Recovery
     """What makes a recovery tracker for each target; what a user can have got wrong is tried here.
 
     Raises:
-        RecoveryError: a library is missing, this OpenCV lacks the tracker, or a model file is not named, not there, or
-            not readable.
+        RecoveryError: a library is missing, this OpenCV lacks the tracker, or a model file is not named, not there,
+            not readable, or of another network.
     """
     config = config or RecoveryConfig()
     name = chosen_tracker(config.tracker)

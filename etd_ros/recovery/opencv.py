@@ -30,6 +30,10 @@ EXEMPLARS_MAX = 4
 CSRT_SCALES = 9
 CANDIDATE_MARGIN = 0.05
 """A place may look this much worse than `score_min` before the tracker has put the box right."""
+TRIAL_SIDE = 16
+"""Of the target that networks are tried on (pixels)."""
+REASON_MAX = 80
+"""Characters of what OpenCV says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,8 @@ def tracker_maker(name: str, config: RecoveryConfig) -> Callable[[], Any]:
     """What makes an OpenCV tracker, one of `KINDS`, whose files the configuration names.
 
     Raises:
-        RecoveryError: this OpenCV lacks the tracker, or a model file is not named, not there, or not readable.
+        RecoveryError: this OpenCV lacks the tracker, or a model file is not named, not there, not readable, or of
+            another network.
     """
     kind = KINDS[name]
     create = getattr(cv2, f"{kind.class_name}_create", None)
@@ -84,13 +89,42 @@ def tracker_maker(name: str, config: RecoveryConfig) -> Callable[[], Any]:
         return lambda: create(parameters)
     for attribute, field in kind.files:
         setattr(parameters, attribute, str(_model_file(config, name, field)))
+    _silence_warnings()
     try:
-        create(parameters)
+        _follow_once(create(parameters))
     except cv2.error as err:
         files = ", ".join(getattr(config, field) for _, field in kind.files)
-        msg = f"recovery tracker {name!r}: OpenCV cannot load {files}: give the ONNX files made for it"
+        fields = ", ".join(f"recovery.{field}" for _, field in kind.files)
+        msg = (
+            f"{files}: OpenCV's {kind.class_name} cannot track with this ({_reason(err)}): set {fields} to the ONNX "
+            f"files made for it, or choose another recovery.tracker than {name!r}"
+        )
         raise RecoveryError(msg) from err
     return lambda: create(parameters)
+
+
+def _silence_warnings() -> None:
+    """OpenCV 5 warns of the same at each loading of a network, which is at each search."""
+    log = getattr(cv2.utils, "logging", None)
+    # Versions before have it elsewhere, or not at all, and nothing to warn of.
+    if log is not None and hasattr(log, "setLogLevel"):
+        log.setLogLevel(log.LOG_LEVEL_ERROR)
+
+
+def _follow_once(tracker: Any) -> None:
+    """Start and ask a tracker on a small picture: files of another network load, and fail only when they are used.
+
+    Raises:
+        cv2.error: it cannot.
+    """
+    picture = np.random.default_rng(0).integers(0, 256, (4 * TRIAL_SIDE, 4 * TRIAL_SIDE, 3), np.uint8)
+    tracker.init(picture, (TRIAL_SIDE, TRIAL_SIDE, TRIAL_SIDE, TRIAL_SIDE))
+    tracker.update(picture)
+
+
+def _reason(err: cv2.error) -> str:
+    """OpenCV's error in a few words."""
+    return " ".join(str(getattr(err, "err", "") or err).split())[:REASON_MAX]
 
 
 def _model_file(config: RecoveryConfig, tracker: str, field: str) -> Path:
@@ -233,13 +267,13 @@ class OpenCvRecovery:
         """The box where the OpenCV tracker, fresh from the exemplar, sees the target near `box`."""
         rows, columns = exemplar.context.shape
         column, row = box.center
-        tracker = self._make_tracker()
-        tracker.init(cv2.cvtColor(exemplar.context, cv2.COLOR_GRAY2BGR), exemplar.context_box)
         surroundings = cv2.cvtColor(crop(window, column, row, (columns, rows)), cv2.COLOR_GRAY2BGR)
         try:
+            tracker = self._make_tracker()
+            tracker.init(cv2.cvtColor(exemplar.context, cv2.COLOR_GRAY2BGR), exemplar.context_box)
             answered, (x, y, w, h) = tracker.update(surroundings)
         except cv2.error:
-            # CSRT cannot take what is some fifteen times as long as wide.
+            # CSRT cannot take what is some fifteen times as long as wide; a file may be written anew meanwhile.
             return box
         if not answered or w <= 0 or h <= 0:
             return box

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recovery_networks import other_network, tiny_vit
 
 from etd_ros.boxes import Box
 from etd_ros.parameters import ParameterError
@@ -197,8 +198,42 @@ def test_models_that_are_not_named_not_there_or_not_models_are_refused_at_once(t
     broken = tmp_path / "broken.onnx"
     broken.write_bytes(b"not a network")
     files = {name: str(broken) for name in ("dasiamrpn_model", "dasiamrpn_kernel_cls1", "dasiamrpn_kernel_r1")}
-    with pytest.raises(RecoveryError, match=r"cannot load .*broken\.onnx"):
+    with pytest.raises(RecoveryError, match=r"broken\.onnx: OpenCV's TrackerDaSiamRPN cannot track with this"):
         make_recovery(RecoveryConfig(tracker="dasiamrpn", **files))
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("vit", ("vit_model",)),
+        ("nano", ("nano_backbone", "nano_head")),
+        ("dasiamrpn", ("dasiamrpn_model", "dasiamrpn_kernel_cls1", "dasiamrpn_kernel_r1")),
+    ],
+)
+def test_files_of_another_network_are_refused_at_once_in_one_line(tmp_path, name, fields):
+    other = tmp_path / "other.onnx"
+    other.write_bytes(other_network())
+    with pytest.raises(RecoveryError, match=r"other\.onnx: .*cannot track with this") as refused:
+        make_recovery(RecoveryConfig(tracker=name, **dict.fromkeys(fields, str(other))))
+    assert all(f"recovery.{field}" in str(refused.value) for field in fields)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_network_of_the_trackers_own_kind_is_taken_and_finds_what_correlation_proposes(tmp_path):
+    (tmp_path / "vit.onnx").write_bytes(tiny_vit())
+    sprite = texture(1, 40, 36)
+    tracker = after_a_loss(scene(sprite, START), START, tracker="vit", vit_model=str(tmp_path / "vit.onnx"))
+    moved = START._replace(x=100, y=76)
+    assert_near(tracker.search(scene(sprite, moved, seed=9), START), moved)
+
+
+def test_a_network_that_is_gone_while_it_is_used_leaves_what_correlation_finds(tmp_path):
+    (tmp_path / "vit.onnx").write_bytes(tiny_vit())
+    sprite = texture(1, 40, 36)
+    tracker = after_a_loss(scene(sprite, START), START, tracker="vit", vit_model=str(tmp_path / "vit.onnx"))
+    (tmp_path / "vit.onnx").write_bytes(other_network())
+    moved = START._replace(x=100, y=76)
+    assert_near(tracker.search(scene(sprite, moved, seed=9), START), moved)
 
 
 def test_an_opencv_without_the_tracker_is_named_with_the_cure(monkeypatch):
