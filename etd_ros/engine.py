@@ -72,12 +72,14 @@ class Step:
         image: the intensity image at its stamp, uint8 (height, width), where the method looks at one.
         reports: the targets' states, in the order of their start.
         notices: what there is to say of clicks that start nothing.
+        waiting_clicks: the names of those that have started nothing yet.
     """
 
     frame: Frame
     image: npt.NDArray[np.uint8] | None
     reports: tuple[TargetReport, ...]
     notices: tuple[str, ...] = ()
+    waiting_clicks: tuple[str, ...] = ()
 
 
 class SearchRegions:
@@ -376,7 +378,8 @@ def _steps(
             reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image, part.frame.start_ns)
             regions.boxes = tracker.search_regions()
             longest.ask(tracker.longest_frame_s())
-            yield Step(part.frame, part.image, reports, tuple(tracker.take_notices()))
+            notices, waiting = tuple(tracker.take_notices()), tuple(tracker.waiting_clicks)
+            yield Step(part.frame, part.image, reports, notices, waiting)
 
 
 def _begin(tracker: MultiTracker, start: TargetStart | Click) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from etd_ros.commands.recording_options import add_recording_options
-from etd_ros.commands.tracking_steps import compared_steps, engine_steps
+from etd_ros.commands.tracking_steps import TrackedStep, compared_steps, engine_steps
 from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
 from etd_ros.evaluation.overlaps import overlaps
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
@@ -136,9 +136,9 @@ def run(options: argparse.Namespace) -> int:
             if is_engines
             else compared_steps(recording, targets, options.method, settings)
         )
-        last_frame_ns = None
+        last_step = None
         for step in steps:
-            last_frame_ns = step.stamp_ns
+            last_step = step
             tracks.write_reports(step.stamp_ns, step.reports)
             for notice in step.notices:
                 print(notice, file=sys.stderr)
@@ -146,8 +146,9 @@ def run(options: argparse.Namespace) -> int:
                 video.add(step.stamp_ns, step.picture, step.reports, step.image)
             if log is not None:
                 log.add(step.stamp_ns, step.picture, step.reports, step.image, step.nzge)
-        if last_frame_ns is not None:
-            _tell_late([*targets, *clicks], last_frame_ns, is_auto=options.auto)
+        if last_step is not None:
+            _tell_late([*targets, *clicks], last_step.stamp_ns, is_auto=options.auto)
+            _tell_in_vain(clicks, last_step)
     if plotted is not None:
         of_targets = overlaps(read_tracks(options.output), plotted)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
@@ -165,6 +166,13 @@ def _tell_late(starts: Sequence[TargetStart | Click], last_frame_ns: int, *, is_
         raise TargetError(late[0])
     for line in late:
         print(line, file=sys.stderr)
+
+
+def _tell_in_vain(clicks: Sequence[Click], last_step: TrackedStep) -> None:
+    """Say for which clicks nothing was found until the last step, which came before their time to wait was over."""
+    for click in clicks:
+        if click.name in last_step.waiting_clicks and click.stamp_ns <= last_step.stamp_ns:
+            print(click.in_vain(), file=sys.stderr)
 
 
 def _check_compared(options: argparse.Namespace) -> None:

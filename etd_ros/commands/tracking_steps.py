@@ -31,6 +31,7 @@ class TrackedStep:
         reports: the targets' states.
         image: the engine's intensity image at the frame's stamp, uint8, shape (h, w), where its method recovers.
         notices: what the engine has to say of clicks that start nothing.
+        waiting_clicks: the names of those that have started nothing yet.
         nzge: of the engine's frame; None for other systems.
     """
 
@@ -39,6 +40,7 @@ class TrackedStep:
     reports: tuple[TargetReport, ...]
     image: npt.NDArray[np.uint8] | None = None
     notices: tuple[str, ...] = ()
+    waiting_clicks: tuple[str, ...] = ()
     nzge: float | None = None
 
 
@@ -63,7 +65,13 @@ def engine_steps(
         with closing(made) as steps:
             yield (
                 TrackedStep(
-                    step.frame.stamp_ns, step.frame.data, step.reports, step.image, step.notices, step.frame.nzge
+                    step.frame.stamp_ns,
+                    step.frame.data,
+                    step.reports,
+                    step.image,
+                    step.notices,
+                    step.waiting_clicks,
+                    step.frame.nzge,
                 )
                 for step in steps
             )

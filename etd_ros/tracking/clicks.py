@@ -56,6 +56,10 @@ class Click:
     def __str__(self) -> str:
         return f"{self.name!r} at ({self.x:g}, {self.y:g})"
 
+    def in_vain(self) -> str:
+        """What there is to say where the recording ends before anything is found."""
+        return f"click {self}: nothing is found there before the recording ends, and nothing starts: {CLICK_ON}"
+
     def distance(self, box: Box) -> float:
         """How far the point is from a box (pixels), 0 inside."""
         beside_x = max(box.x - self.x, self.x - box.x - box.w, 0.0)

@@ -267,6 +267,16 @@ def test_a_click_is_tracked_and_one_in_vain_is_told(repository, tmp_path, capsys
     assert "'nothing' at (1, 1): nothing has moved there" in capsys.readouterr().err
 
 
+def test_a_click_for_which_nothing_is_found_before_the_recording_ends_is_told(repository, tmp_path, capsys):
+    demo = repository / "bags" / "demo"
+    end_ns = read_boxes(demo / "boxes.csv")["tin"][-1].stamp_ns
+    clicks = ["--click", f"nothing:1,1@{end_ns - 300_000_000}", "--click", f"late:1,1@{end_ns + 10**12}"]
+    assert main(["track", str(demo), *clicks, "--output", str(tmp_path / "tracks.csv")]) == 0
+    late, in_vain = capsys.readouterr().err.splitlines()[-2:]
+    assert "'nothing' at (1, 1): nothing is found there before the recording ends, and nothing starts" in in_vain
+    assert "'late' starts at" in late
+
+
 def test_the_log_for_the_rerun_viewer_has_the_boxes_of_the_tracks(tmp_path):
     file = tmp_path / "log.rrd"
     rows = tracks_of(tmp_path, "--target", "thing:10,10,20,20", "--rerun", str(file))
