@@ -65,8 +65,8 @@ def run(options: argparse.Namespace) -> int:
         RecoveryError: torch or safetensors are missing.
         RecoveryError, TrackingError: `--weights` cannot be read.
         OutputError: a folder cannot be made.
-        TrainingError: there is no such device, settings do not fit together, files cannot be read or written, or the
-            training fails.
+        TrainingError: there is no such device, settings do not fit together, the output holds a training and is not to
+            be resumed, files cannot be read or written, or the training fails.
         ParameterError: a setting is out of its range.
         SimulationError: scikit-image, whose photographs are used, is not installed.
     """
@@ -97,6 +97,8 @@ def run(options: argparse.Namespace) -> int:
     else:
         cache = SequenceCache(options.cache, RECONSTRUCTED)
         training = Training(config, cache, options.output, make_lesson=CompactLesson, **place)
+    if not options.resume:
+        training.check_is_new()
     if options.weights is not None:
         training.start_from(options.weights)
     if options.resume:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,9 @@ WEIGHTS = Path(__file__).parent / "weights"
 SHIPPED = WEIGHTS / "compact.safetensors"
 COMPACT = "etd_ros compact 2"
 """In a file's metadata: another layout of layers gets another number."""
+
+HEADER_START = ALIGNMENT = 8
+"""Of a safetensors file (bytes): its header's length, then the header, filled up with spaces, then the numbers."""
 
 PICKLES_SAFE_FROM = "2.6"
 """Of torch: before, a file could run code in spite of `weights_only` (CVE-2025-32434)."""
@@ -60,7 +64,18 @@ def load_compact(path: Path = SHIPPED) -> Compact:
 def save_weights(network: nn.Module, name: str, path: Path, about: Mapping[str, str]) -> None:
     """Write a network's weights; its name, as in `COMPACT`, and `about` go into the file's metadata."""
     state = {key: tensor.detach().cpu().contiguous() for key, tensor in network.state_dict().items()}
-    path.write_bytes(save(state, {"network": name, **about}))
+    path.write_bytes(_with_sorted_metadata(save(state, {"network": name, **about})))
+
+
+def _with_sorted_metadata(content: bytes) -> bytes:
+    """A safetensors file's bytes, its metadata by name: the library writes them in another order each time, and equal
+    weights should be equal files."""
+    end = HEADER_START + int.from_bytes(content[:HEADER_START], "little")
+    header = json.loads(content[HEADER_START:end])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    written = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    written += b" " * (-len(written) % ALIGNMENT)
+    return len(written).to_bytes(HEADER_START, "little") + written + content[end:]
 
 
 def load_weights(network: nn.Module, name: str, path: Path) -> None:

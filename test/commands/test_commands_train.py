@@ -36,6 +36,22 @@ def test_it_trains_goes_on_and_its_weights_serve_a_tracker(place):
     make_recovery(RecoveryConfig(tracker="compact", compact_model=str(place / "out" / "compact.safetensors")))()
 
 
+def test_a_training_that_is_there_is_not_overwritten(place, capsys):
+    begin = ["train", "--output", "out", "--cache", "cache", *TINY]
+    assert main(begin) == 0
+    before = {path: path.read_bytes() for path in (place / "out").iterdir()}
+    for options in ([], ["--seed", "3"], ["--network", "siamfc"], ["--weights", "out/compact.safetensors"]):
+        capsys.readouterr()
+        assert main([*begin, *options]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "out: holds a training (checkpoint.pt, log.csv" in line
+        assert "go on with --resume, or name another folder" in line
+    assert {path: path.read_bytes() for path in (place / "out").iterdir()} == before
+    (place / "out" / "checkpoint.pt").unlink()
+    assert main(begin) == 2
+    assert "out: holds a training (log.csv, compact.safetensors)" in capsys.readouterr().err
+
+
 def test_weights_are_trained_further_on_request(place):
     first = ["train", "--output", "first", "--cache", "cache", *TINY]
     assert main(first) == 0
@@ -69,8 +85,10 @@ def test_the_network_that_puts_boxes_right_is_trained_on_request(place, capsys):
     header, *rows = (place / "out" / "log.csv").read_text().splitlines()
     assert header == "step,seconds,learning_rate,likelihood,validation_loss,validation_before,validation_after"
     assert [row.partition(",")[0] for row in rows] == ["1", "2"]
-    assert main([*command, *TINY, "--weights", str(weights), "--learning-rate", "1e-7"]) == 0
-    assert load_box_network(weights).misfit_of(view).offsets == pytest.approx(misfit.offsets, abs=1e-3)
+    more = ["--output", "more", "--weights", str(weights), "--learning-rate", "1e-7"]
+    assert main([*command, *TINY, *more]) == 0
+    trained_further = load_box_network(place / "more" / "box.npz").misfit_of(view)
+    assert trained_further.offsets == pytest.approx(misfit.offsets, abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from recovery_trainings import SHORT
+from safetensors import safe_open
 
 from etd_ros.output_files import OutputError
 from etd_ros.recovery import RecoveryError
@@ -23,7 +24,7 @@ from etd_ros.recovery.training.errors import TrainingError
 from etd_ros.recovery.training.loop import Progress, Training, prepare
 from etd_ros.recovery.training.making import SequenceMaker
 from etd_ros.recovery.training.sequences import SequenceCache
-from etd_ros.recovery.weights_file import SHIPPED, load_compact
+from etd_ros.recovery.weights_file import COMPACT, SHIPPED, load_compact, save_compact
 
 
 @pytest.fixture(autouse=True)
@@ -101,7 +102,13 @@ def test_shipped_weights_are_trained_further(training):
         further.start_from(Path("nowhere.safetensors"))
 
 
-def test_going_on_from_a_checkpoint_is_the_same_as_not_stopping(training):
+def logged(folder: Path) -> list[dict[str, str]]:
+    """What a training's log says, without the time that it took."""
+    with (folder / "log.csv").open() as file:
+        return [{name: value for name, value in row.items() if name != "seconds"} for row in csv.DictReader(file)]
+
+
+def test_going_on_from_a_checkpoint_is_the_same_as_not_stopping(training, tmp_path):
     straight = training("straight")
     run(straight, until=40)
     run(training("stopped"), until=30)
@@ -111,6 +118,31 @@ def test_going_on_from_a_checkpoint_is_the_same_as_not_stopping(training):
     run(resumed, until=40)
     for name, value in straight.network.state_dict().items():
         assert torch.equal(value, resumed.network.state_dict()[name]), name
+    assert logged(tmp_path / "straight") == logged(tmp_path / "stopped")
+    straight_file, resumed_file = (tmp_path / name / "compact.safetensors" for name in ("straight", "stopped"))
+    assert straight_file.read_bytes() == resumed_file.read_bytes()
+
+
+def test_a_checkpoint_of_before_losses_were_kept_can_be_gone_on_from(training, tmp_path):
+    run(training(), until=30)
+    path = tmp_path / "out" / "checkpoint.pt"
+    saved = torch.load(path, weights_only=True)
+    del saved["losses_lately"]
+    torch.save(saved, path)
+    resumed = training()
+    resumed.resume()
+    assert [item.step for item in run(resumed, until=31)] == [31]
+
+
+def test_equal_weights_are_equal_files_whatever_is_said_of_them(tmp_path):
+    about = {str(number): "\u00e9" * number for number in range(20)}
+    files = [tmp_path / str(number) for number in range(3)]
+    for file in files:
+        save_compact(load_compact(), file, about)
+    assert len({file.read_bytes() for file in files}) == 1
+    load_compact(files[0])
+    with safe_open(files[0], framework="pt") as file:
+        assert file.metadata() == {"network": COMPACT, **about}
 
 
 def test_log_and_weights_are_left_behind(training, tmp_path):

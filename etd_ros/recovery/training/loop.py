@@ -97,7 +97,23 @@ class Training(Generic[BatchT, TensorsT]):
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.step, self._before_s = 0, 0.0
+        self._lately: list[tuple[float, ...]] = []
         make_folder(output)
+
+    def check_is_new(self) -> None:
+        """Refuse an output folder that holds a training, which this one would overwrite.
+
+        Raises:
+            TrainingError: it does.
+        """
+        found = [name for name in (CHECKPOINT_NAME, LOG_NAME, self._lesson.weights_name) if self._has(name)]
+        if found:
+            cure = "go on with --resume, or " if self._has(CHECKPOINT_NAME) else ""
+            msg = f"{self._output}: holds a training ({', '.join(found)}) already: {cure}name another folder"
+            raise TrainingError(msg)
+
+    def _has(self, name: str) -> bool:
+        return (self._output / name).exists()
 
     def start_from(self, path: Path) -> None:
         """Train the weights of a file further.
@@ -125,6 +141,8 @@ class Training(Generic[BatchT, TensorsT]):
             self.network.load_state_dict(saved["network"])
             self._optimiser.load_state_dict(saved["optimiser"])
             self.step, self._before_s = int(saved["step"]), float(saved["seconds"])
+            # Checkpoints of before do not have it.
+            self._lately = [tuple(map(float, losses)) for losses in saved.get("losses_lately", ())]
         except (RuntimeError, ValueError, KeyError, TypeError, AttributeError, pickle.UnpicklingError) as err:
             msg = f"{path}: no checkpoint to go on from ({' '.join(str(err).split())[:80]}): train without --resume"
             raise TrainingError(msg) from err
@@ -139,7 +157,6 @@ class Training(Generic[BatchT, TensorsT]):
         last = min(config.steps, config.steps if until is None else until)
         maker = SequenceMaker(self._cache, config, self._processes)
         started = time.monotonic() - self._before_s
-        averages: list[tuple[float, ...]] = []
         try:
             validation = self._validation(maker)
             cutter = BatchCutter(self._lesson.sampler, config)
@@ -147,14 +164,14 @@ class Training(Generic[BatchT, TensorsT]):
                 for batch in batches:
                     share = max(self.step / config.steps, (time.monotonic() - started) / self._limit_s)
                     losses = self._take_step(batch, share)
-                    averages = [*averages[1 - AVERAGED_STEPS :], losses]
+                    self._lately = [*self._lately[1 - AVERAGED_STEPS :], losses]
                     self.step += 1
                     is_over = self.step == last or time.monotonic() - started >= self._limit_s
                     figures = None
                     if is_over or self.step % config.interval == 0:
                         figures = self._lesson.validate(validation)
-                        self._save(time.monotonic() - started, averages, figures)
-                    watch(Progress(self.step, share, sum(np.mean(averages, 0).tolist()), figures))
+                        self._save(time.monotonic() - started, figures)
+                    watch(Progress(self.step, share, sum(np.mean(self._lately, 0).tolist()), figures))
                     if is_over:
                         break
         finally:
@@ -192,12 +209,13 @@ class Training(Generic[BatchT, TensorsT]):
         """What a checkpoint must have been made with to go on from it."""
         return {"network": self._lesson.name, **dataclasses.asdict(self._config)}
 
-    def _save(self, seconds: float, averages: list[tuple[float, ...]], figures: Figures) -> None:
+    def _save(self, seconds: float, figures: Figures) -> None:
         state = {
             "network": self.network.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "step": self.step,
             "seconds": seconds,
+            "losses_lately": self._lately,
             "config": self._described(),
         }
         try:
@@ -209,16 +227,16 @@ class Training(Generic[BatchT, TensorsT]):
             partial = self._output / f".{weights_name}"
             self._lesson.save(partial, {"steps": str(self.step), "seed": str(self._config.seed), **shown})
             partial.replace(self._output / weights_name)
-            self._log(seconds, averages, figures)
+            self._log(seconds, figures)
         except OSError as err:
             msg = f"{self._output}: cannot be written ({err.strerror or err}): make room or name another folder"
             raise TrainingError(msg) from err
 
-    def _log(self, seconds: float, averages: list[tuple[float, ...]], figures: Figures) -> None:
+    def _log(self, seconds: float, figures: Figures) -> None:
         path = self._output / LOG_NAME
         is_new = not path.is_file()
         rate = self._optimiser.param_groups[0]["lr"]
-        numbers = (seconds, rate, *np.mean(averages, 0).tolist(), *figures)
+        numbers = (seconds, rate, *np.mean(self._lately, 0).tolist(), *figures)
         with path.open("a", newline="") as file:
             writer = csv.writer(file)
             if is_new:
