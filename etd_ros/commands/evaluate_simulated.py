@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import sys
 from collections.abc import Sequence
 
 from etd_ros.evaluation import EvaluationError
@@ -43,17 +44,28 @@ def run_simulated(options: argparse.Namespace, settings: Settings) -> None:
 
 def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
     results: list[TargetResult] = []
+    unseen: list[str] = []
     print(HEADER)
     of_sequences = evaluate(sequences, method=options.method, settings=settings, jobs=options.jobs)
     for sequence, found in zip(sequences, of_sequences, strict=True):
         results += found
-        if found:
-            print(_row(sequence.name, found), flush=True)
+        unseen += _unseen(sequence, found)
+        print(_row(sequence.name, found), flush=True)
     if not results:
         raise EvaluationError(NO_TARGET)
     print(_row("all", results))
+    if unseen:
+        print(f"Left out, as half of them can never be seen, or only once: {', '.join(unseen)}", file=sys.stderr)
     if options.write:
         write_results(options.write, results)
+
+
+def _unseen(sequence: Simulated, results: Sequence[TargetResult]) -> list[str]:
+    """Which targets of a sequence have no results, with the sequence's name."""
+    if len(results) == sequence.recipe.targets:
+        return []
+    found = {result.target for result in results}
+    return [f"{name} of {sequence.name}" for name in sequence.scene().targets if name not in found]
 
 
 def _start(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
@@ -83,7 +95,9 @@ def _sequences(options: argparse.Namespace) -> list[Simulated]:
 
 
 def _row(name: str, results: Sequence[TargetResult]) -> str:
-    """Means over targets of AP, AR and false boxes, the worst AP and delay, and sums."""
+    """Means over targets of AP, AR and false boxes, the worst AP and delay, and sums; dashes where there is none."""
+    if not results:
+        return f"{name:<16}{0:>8}{'-':>7}{'-':>7}{'-':>8}{'-':>10}{'-':>8}{'-':>8}{'-':>7}{'-':>11}{'-':>7}"
     total = {
         field.name: [getattr(result, field.name) for result in results] for field in dataclasses.fields(TargetResult)
     }

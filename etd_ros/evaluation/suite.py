@@ -120,7 +120,8 @@ def of_each(one: Callable[[Simulated], T], sequences: Iterable[Simulated], jobs:
 def evaluate_sequence(
     sequence: Simulated, *, method: str = DEFAULT_METHOD, settings: Settings | None = None
 ) -> list[TargetResult]:
-    """Results of a sequence's targets, in the order of the scene; those that can hardly ever be seen are left out."""
+    """Results of a sequence's targets, in the order of the scene; those of which half can be seen at one label
+    at most are left out."""
     scene = sequence.scene()
     events = concatenate(list(sequence.events(scene, start_ns=START_NS)))
     truth = {name: labels for name in scene.targets if len(labels := _labels(scene, name)) > 1}

@@ -212,6 +212,22 @@ def test_random_sequences_and_settings_are_taken(capsys):
     assert capsys.readouterr().out.splitlines()[1].startswith("random-2 ")
 
 
+@pytest.mark.parametrize(
+    ("seed", "rows", "left_out"),
+    [
+        (33, [["random-33", "0", *["-"] * 9], ["random-34"], ["all"]], "irregular_1 of random-33"),
+        (114, [["random-114", "1"], ["random-115"], ["all"]], "plain_1 of random-114"),
+    ],
+)
+def test_targets_that_are_hidden_all_the_time_are_left_out_and_named(capsys, seed, rows, left_out):
+    assert main(["evaluate", "--random", "2", "--seed", str(seed), "--method", "etd-nr"]) == 0
+    captured = capsys.readouterr()
+    printed = [line.split() for line in captured.out.splitlines()[1:]]
+    assert [row[: len(expected)] for row, expected in zip(printed, rows, strict=True)] == rows
+    (line,) = captured.err.splitlines()
+    assert line.endswith(f": {left_out}")
+
+
 def test_a_file_that_cannot_be_written_is_refused(tmp_path, capsys):
     assert main(["evaluate", "--suite", "--write", str(tmp_path)]) == 2
     assert "is a folder" in capsys.readouterr().err
