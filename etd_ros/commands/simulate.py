@@ -26,6 +26,8 @@ from etd_ros.simulation import (
     SimulationError,
     absent_times,
     demo_scene,
+    random_seed_of,
+    random_sequences,
     simulate,
     true_boxes,
 )
@@ -34,6 +36,7 @@ from msg_adapters import encode_event_packet
 SCENES: dict[str, Callable[[int], Scene]] = {"demo": demo_scene}
 SCENE_SEED = 7
 WHOLE_SUITE = "suite"
+RANDOM = "random-SEED"
 TOPIC = "/event_camera/events"
 FRAME_ID = "event_camera"
 TRUTH_NAME = "boxes.csv"
@@ -63,9 +66,10 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     names.add_argument(
         "scene",
         nargs="?",
-        choices=[*sorted(SCENES), *SUITE, WHOLE_SUITE],
+        type=_scene_name,
         metavar="NAME",
-        help=f"what to simulate (see --list); {WHOLE_SUITE}: all sequences of the suite, a folder each",
+        help=f"what to simulate (see --list); {WHOLE_SUITE}: all sequences of the suite, a folder each; {RANDOM}, as "
+        "in random-7: what `evaluate --random 1 --seed 7` shows",
     )
     names.add_argument("--list", action="store_true", help="print the names with what they test")
     parser.add_argument("--output", type=Path, help="folder of the bag; boxes.csv and absent.csv go beside its data")
@@ -81,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
 
     Raises:
         SimulationError: no output is named, it exists and is not to be replaced or cannot be written, the seed is
-            negative, or the whole suite is asked for with a seed.
+            negative, or the whole suite or a random sequence is asked for with a seed.
         OutputError: the folder that the output lies in cannot be made.
     """
     if options.list:
@@ -104,6 +108,14 @@ def _descriptions() -> Iterator[tuple[str, str]]:
     for sequence in SUITE.values():
         size = f"{sequence.width}x{sequence.height}, {sequence.recipe.duration_s:g} s"
         yield sequence.name, f"{sequence.description} ({size})"
+    yield RANDOM, "a random sequence of the same families, as `evaluate --random` shows it (240x180 or 346x260, 1.5 s)"
+
+
+def _scene_name(text: str) -> str:
+    if text in (*SCENES, *SUITE, WHOLE_SUITE) or random_seed_of(text) is not None:
+        return text
+    msg = f"no sequence {text!r}: choose one of {', '.join(map(repr, (*SCENES, *SUITE, WHOLE_SUITE, RANDOM)))}"
+    raise argparse.ArgumentTypeError(msg)
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -115,6 +127,9 @@ def _check(options: argparse.Namespace) -> None:
         raise SimulationError(msg)
     if options.seed is not None and options.scene == WHOLE_SUITE:
         msg = f"--seed {options.seed} with the whole suite, whose seeds are fixed: leave it out, or name a sequence"
+        raise SimulationError(msg)
+    if options.seed is not None and random_seed_of(options.scene) is not None:
+        msg = f"--seed {options.seed} with {options.scene}, whose name holds its seed: leave it out"
         raise SimulationError(msg)
 
 
@@ -138,8 +153,15 @@ def _job(name: str, seed: int | None) -> Job:
     if name in SCENES:
         seed = SCENE_SEED if seed is None else seed
         return Job(SCENES[name](seed), seed, SensorConfig())
-    sequence: Sequence = SUITE[name] if seed is None else SUITE[name].with_seed(seed)
+    sequence = _sequence(name, seed)
     return Job(sequence.scene(), sequence.seed, sequence.recipe.sensor)
+
+
+def _sequence(name: str, seed: int | None) -> Sequence:
+    random_seed = random_seed_of(name)
+    if random_seed is not None:
+        return random_sequences([random_seed])[0]
+    return SUITE[name] if seed is None else SUITE[name].with_seed(seed)
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from etd_ros.simulation.demo import demo_scene
 from etd_ros.simulation.extreme_scenes import extreme_scene
 from etd_ros.simulation.motion import Flicker, Path, Pose, SimulationError, Waypoint
-from etd_ros.simulation.random_scenes import random_scene, random_sequence, random_sequences
+from etd_ros.simulation.random_scenes import random_scene, random_seed_of, random_sequence, random_sequences
 from etd_ros.simulation.recipes import Recipe, make_scene
 from etd_ros.simulation.scene import Scene, Sprite
 from etd_ros.simulation.sensor import SensorConfig, simulate
@@ -33,6 +33,7 @@ __all__ = [
     "extreme_scene",
     "make_scene",
     "random_scene",
+    "random_seed_of",
     "random_sequence",
     "random_sequences",
     "sequence_named",

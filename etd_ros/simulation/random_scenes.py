@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,6 +14,7 @@ from etd_ros.simulation.suite import Sequence
 
 RANDOM_STREAM = 2
 """Beside the seed: no seed makes a scene of the fixed suite."""
+NAME = re.compile(r"random-(0|[1-9][0-9]{0,17})")
 KINDS = ("ball", "dartboard", "car", "irregular", "plain", "panel")
 BACKGROUNDS = ("wall", "cloudy", "clutter", "tiles")
 SENSOR_SIZES = ((240, 180), (346, 260))
@@ -43,6 +45,12 @@ def random_sequence(
 def random_sequences(seeds: Iterable[int]) -> list[Sequence]:
     """Random sequences on sensors of several sizes: a seed always has the same one."""
     return [random_sequence(seed, *SENSOR_SIZES[seed % len(SENSOR_SIZES)]) for seed in seeds]
+
+
+def random_seed_of(name: str) -> int | None:
+    """The seed that a random sequence's name holds; None where it is no such name."""
+    match = NAME.fullmatch(name)
+    return int(match[1]) if match else None
 
 
 def random_scene(

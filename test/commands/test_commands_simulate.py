@@ -8,9 +8,10 @@ import pytest
 from etd_ros.cli import main
 from etd_ros.commands import simulate as command
 from etd_ros.evaluation import read_boxes
-from etd_ros.events import Events
+from etd_ros.evaluation.suite import START_NS as EVALUATED_FROM_NS
+from etd_ros.events import Events, concatenate
 from etd_ros.recordings import open_recording
-from etd_ros.simulation import SUITE, Scene, demo_scene
+from etd_ros.simulation import SUITE, Scene, demo_scene, random_sequences
 
 
 @pytest.fixture
@@ -102,8 +103,29 @@ def test_an_interrupt_leaves_nothing(tmp_path, monkeypatch):
 def test_the_list_tells_what_each_sequence_tests(capsys):
     assert main(["simulate", "--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["demo", *SUITE]
-    assert all(sequence.description in line for sequence, line in zip(SUITE.values(), lines[1:], strict=True))
+    assert [line.split()[0] for line in lines] == ["demo", *SUITE, "random-SEED"]
+    assert all(sequence.description in line for sequence, line in zip(SUITE.values(), lines[1:-1], strict=True))
+
+
+@pytest.mark.parametrize("seed", [0, 114, 7004])
+def test_a_random_sequence_is_event_for_event_what_is_evaluated(tmp_path, seed):
+    assert main(["simulate", f"random-{seed}", "--output", str(tmp_path / "bag")]) == 0
+    (sequence,) = random_sequences([seed])
+    evaluated = concatenate(list(sequence.events(start_ns=EVALUATED_FROM_NS)))
+    with open_recording(tmp_path / "bag") as recording:
+        made = concatenate(list(recording.events()))
+    assert (made.width, made.height) == (sequence.width, sequence.height)
+    assert made.to_structured().tobytes() == evaluated.to_structured().tobytes()
+    assert set(read_boxes(tmp_path / "bag" / "boxes.csv")) <= set(sequence.scene().targets)
+
+
+@pytest.mark.parametrize("name", ["moon", "random", "random-", "random-07", "random--1", "random-1x"])
+def test_an_unknown_sequence_is_one_line_that_names_what_there_is(tmp_path, capsys, name):
+    with pytest.raises(SystemExit, match="2"):
+        main(["simulate", name, "--output", str(tmp_path / "bag")])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"no sequence {name!r}: choose one of 'demo', 'ball'" in line
+    assert "random-SEED" in line
 
 
 @pytest.fixture
@@ -138,7 +160,11 @@ def test_absences_lie_on_the_events_clock_beside_the_boxes(tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(["ball"], "no --output"), (["suite", "--seed", "1", "--output", "x"], "whose seeds are fixed")],
+    [
+        (["ball"], "no --output"),
+        (["suite", "--seed", "1", "--output", "x"], "whose seeds are fixed"),
+        (["random-7", "--seed", "1", "--output", "x"], "whose name holds its seed"),
+    ],
 )
 def test_what_cannot_be_simulated_is_refused(capsys, arguments, message):
     assert main(["simulate", *arguments]) == 2
