@@ -28,18 +28,23 @@ def read_boxes(path: Path) -> dict[str, list[TimedBox]]:
     """Labelled boxes of each target in order of time; targets in order of their first line.
 
     Raises:
-        EvaluationError: the file cannot be read, holds no box, or a line is wrong; names file, line and cure.
+        EvaluationError: the file cannot be read, holds no box, a line is wrong, or a target has two different boxes at
+            one time; names file, line and cure.
     """
     boxes: dict[str, list[TimedBox]] = {}
+    firsts: dict[tuple[str, int], TimedBox] = {}
     for row in read_rows(path, COLUMNS):
-        boxes.setdefault(row.name(), []).append(
-            TimedBox(row.stamp_ns(), row.box(), row.cells.get(CLASS_COLUMN, "").strip())
-        )
+        name = row.name()
+        label = TimedBox(row.stamp_ns(), row.box(), row.cells.get(CLASS_COLUMN, "").strip())
+        if firsts.setdefault((name, label.stamp_ns), label) != label:
+            msg = f"another line has {name!r} at {label.stamp_ns} ns, too: keep one, or name two targets apart"
+            raise row.error(msg)
+        boxes.setdefault(name, []).append(label)
     if not boxes:
         msg = f"{path}: holds no box: give a line target,stamp_ns,x,y,w,h for each labelled time"
         raise EvaluationError(msg)
-    for rows in boxes.values():
-        rows.sort(key=lambda row: row.stamp_ns)
+    for labels in boxes.values():
+        labels.sort(key=lambda label: label.stamp_ns)
     return boxes
 
 

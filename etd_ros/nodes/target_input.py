@@ -21,7 +21,7 @@ from etd_ros.nodes.target_limits import (
     named,
 )
 from etd_ros.nodes.target_memory import Remembered, TargetMemory
-from etd_ros.nodes.target_places import TargetPlaces, names_of
+from etd_ros.nodes.target_places import TargetPlaces, first_of_each, names_of
 from etd_ros.nodes.target_topics import TrackingOptions
 from etd_ros.nodes.worker import Task
 from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets_from_text, unique_targets
@@ -217,10 +217,14 @@ class TargetInput:
                 self._places.stop(detection.id or detection.class_id)
             else:
                 wanted.append(detection)
-        starts = [
-            TargetStart(name, detection.box, decoded.stamp_ns, detection.class_id)
-            for name, detection in zip(names_of(wanted), wanted, strict=True)
-        ]
+        starts, repeated = first_of_each(
+            [
+                TargetStart(name, detection.box, decoded.stamp_ns, detection.class_id)
+                for name, detection in zip(names_of(wanted), wanted, strict=True)
+            ]
+        )
+        if repeated:
+            self._refuse_repeated(repeated)
         if starts and self._is_ahead(decoded.stamp_ns):
             self._refuse_ahead(starts)
         else:
@@ -288,6 +292,14 @@ class TargetInput:
             f"{len(names)} new targets ({named(names)}) are refused, as targets_max = {self._node.options.targets_max} "
             "are followed: give each object an id that stays the same from message to message, stop what is gone by "
             "a box of size 0, or set targets_max higher",
+            len(names),
+        )
+
+    def _refuse_repeated(self, names: Sequence[str]) -> None:
+        self._refusals.note(
+            "twice",
+            f"{len(names)} boxes ({named(names)}) are refused, as an earlier one in their message has the same id, and "
+            "counts: give each object an id of its own",
             len(names),
         )
 

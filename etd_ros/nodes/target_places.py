@@ -124,6 +124,20 @@ def names_of(detections: Sequence[Detection]) -> list[str]:
     return names
 
 
+def first_of_each(starts: Sequence[TargetStart]) -> tuple[list[TargetStart], list[str]]:
+    """The first box of each name in a message, and all that have none; the names of those that come again with another
+    box, which may be of other objects."""
+    firsts: dict[str, TargetStart] = {}
+    kept, repeated = [], []
+    for start in starts:
+        first = firsts.setdefault(start.name, start) if start.name else start
+        if first is start:
+            kept.append(start)
+        elif first != start:
+            repeated.append(start.name)
+    return kept, repeated
+
+
 def _numbered(class_id: str) -> Iterator[str]:
     yield class_id
     yield from (f"{class_id}_{number}" for number in itertools.count(2))

@@ -71,6 +71,7 @@ def test_columns_may_come_in_another_order_and_others_may_be_there(tmp_path):
         (HEADER + "a,1,1,1,0,1\n", 2, "has no area"),
         (HEADER + "a,1,1,1,1,-4\n", 2, "has no area"),
         (HEADER + 'a,1,1,1,1,"4\n', 2, "is not CSV"),
+        (HEADER + "a,1,1,1,1,4\nb,1,2,1,1,4\na,1,2,1,1,4\n", 4, "another line has 'a' at 1 ns, too: keep one"),
     ],
 )
 def test_a_wrong_line_is_named_with_file_and_number(tmp_path, text, line, complaint):

@@ -163,6 +163,19 @@ def test_a_message_that_names_thousands_of_boxes_takes_no_more_places_than_there
     assert errors(bench) == 5000
 
 
+def test_of_boxes_of_one_id_in_a_message_the_first_one_counts_and_the_others_are_said_and_counted(bench, repository):
+    targets = start_looping(bench, repository, "method:=etd-plus")
+    boxes = [("ball", BALL), ("ball", EMPTY_CORNER), ("drum", DRUM), ("drum", DRUM), ("", BALL), ("", EMPTY_CORNER)]
+    message = encode_detections([Detection(name, box, 1.0, "") for name, box in boxes], stamp_ns=0, frame_id="")
+    targets.publish(message)
+    bench.wait_until(lambda: errors(bench) == 1, "the ball's second box is refused")
+    (line,) = [line for line in bench.log("pipeline").splitlines() if "are refused" in line]
+    for part in ("1 boxes ('ball')", "has the same id, and counts", "an id of its own"):
+        assert part in line
+    bench.wait_until(lambda: states_of(bench).keys() == {"ball", "drum", "target_1", "target_2"}, "all are followed")
+    assert errors(bench) == 1
+
+
 def test_a_target_that_is_lost_for_long_makes_room_and_those_of_the_parameters_do_not(bench, repository):
     # Without recovery what has no events is lost at once, and for good.
     nothing_there = "targets:=mine:2,150,20,20"

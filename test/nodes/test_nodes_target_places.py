@@ -4,7 +4,7 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.nodes.target_limits import LOST_MIN_S
-from etd_ros.nodes.target_places import TargetPlaces
+from etd_ros.nodes.target_places import TargetPlaces, first_of_each
 from etd_ros.targets import TargetStart
 from etd_ros.tracking import Click, ContourConfig, MultiTracker, TargetReport, TargetState
 
@@ -101,3 +101,12 @@ def test_names_that_are_held_are_not_given_again():
     assert places.held() == {"target_1", "target_2"}
     assert [places.next_name("target", places.held()) for _ in range(2)] == ["target_3", "target_4"]
     assert places.next_name("point", places.held()) == "point_1"
+
+
+def test_of_boxes_with_one_name_in_a_message_the_first_counts_and_the_same_again_is_nothing_new():
+    other = Box(1.0, 2.0, 5.0, 5.0)
+    ball, drum = [start("ball"), TargetStart("ball", other)], [start("drum"), start("drum")]
+    starts = [*ball, *drum, start(""), TargetStart("", other)]
+    kept, repeated = first_of_each(starts)
+    assert kept == [starts[0], starts[2], starts[4], starts[5]]
+    assert repeated == ["ball"]
