@@ -39,6 +39,8 @@ PANELS_MAX, PANELS_PER_COLUMN = 64, 8
 PANEL_INCHES = 7.0, 1.55
 LABELS_MARKED = 60
 """So many labels, or more, make a curve without dots."""
+GAP_MIN_NS, GAP_SPACINGS = 100_000_000, 1.5
+"""A curve is broken where labels are missing: for so long, and so many times as long as labels usually lie apart."""
 
 
 class PlotError(EtdError):
@@ -202,7 +204,7 @@ def _plot_overlap(axes: Any, name: str, overlap: TargetOverlap, origin_ns: int) 
         if spell.state in STATE_SHADES:
             ends_s = ((ns - origin_ns) * 1e-9 for ns in (spell.start_ns, spell.end_ns))
             axes.axvspan(*ends_s, color=STATE_SHADES[spell.state], alpha=0.45, lw=0)
-    gaps = np.flatnonzero(np.diff(overlap.stamps_ns) > LABEL_GAP_MAX_NS) + 1
+    gaps = _gaps(overlap.stamps_ns)
     times_s, values = (overlap.stamps_ns - origin_ns) * 1e-9, overlap.values
     for part_s, part in zip(np.split(times_s, gaps), np.split(values, gaps), strict=True):
         axes.plot(part_s, part, color=OVERLAP_COLOUR, lw=1.4, marker="o", ms=2 if len(part) < LABELS_MARKED else 0)
@@ -212,6 +214,14 @@ def _plot_overlap(axes: Any, name: str, overlap: TargetOverlap, origin_ns: int) 
     axes.spines[["top", "right"]].set_visible(False)
     axes.margins(x=0.01)
     axes.set_title(f"{name}   AP {overlap.score.ap:.3f}   AR {overlap.score.ar:.3f}", fontsize=10, loc="left")
+
+
+def _gaps(stamps_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+    """The labels, by number, before which some are missing: the target may have been hidden."""
+    apart_ns = np.diff(stamps_ns)
+    usual_ns = float(np.median(apart_ns)) if len(apart_ns) else 0.0
+    longest_ns = min(LABEL_GAP_MAX_NS, max(GAP_MIN_NS, GAP_SPACINGS * usual_ns))
+    return np.flatnonzero(apart_ns > longest_ns) + 1
 
 
 def _overlap_legend() -> list[Any]:

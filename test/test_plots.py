@@ -61,14 +61,24 @@ def test_a_higher_overlap_is_drawn_higher_and_none_at_the_bottom_is_seen():
     assert low - high > 80
 
 
-def test_times_without_labels_have_no_curve():
+@pytest.mark.parametrize("hidden_s", [0.2, 0.4])
+def test_times_without_labels_have_no_curve(hidden_s):
     hidden = overlap()
-    kept = (hidden.stamps_ns < 0.3 * S) | (hidden.stamps_ns > 0.7 * S)
+    kept = (hidden.stamps_ns < 0.3 * S) | (hidden.stamps_ns > (0.3 + hidden_s) * S)
     hidden = TargetOverlap(hidden.stamps_ns[kept], hidden.values[kept], (), hidden.score)
     whole, broken = (pixels({"a": shown}) for shown in (overlap(), hidden))
     row = lines(whole)[0]
     drawn, expected = (is_curve(picture)[row].sum() for picture in (broken, whole))
-    assert drawn / expected == pytest.approx(0.6, abs=0.04)
+    assert drawn / expected == pytest.approx(1 - hidden_s, abs=0.04)
+
+
+def test_labels_that_lie_far_apart_one_and_all_have_one_curve():
+    sparse = overlap(labels=6)
+    row = lines(pixels({"a": overlap()}))[0]
+    drawn, expected = (is_curve(pixels({"a": shown}))[row].sum() for shown in (sparse, overlap()))
+    assert drawn >= expected
+    one_missing = TargetOverlap(np.delete(sparse.stamps_ns, 2), np.delete(sparse.values, 2), (), sparse.score)
+    assert is_curve(pixels({"a": one_missing}))[row].sum() / expected == pytest.approx(0.6, abs=0.04)
 
 
 def test_times_of_recovery_and_loss_are_shaded():
