@@ -28,7 +28,7 @@ from etd_ros.targets import TargetError, TargetStart, targets_from_file, targets
 from etd_ros.tracking import Click, MultiTracker, TargetReport, check_target
 from msg_adapters import DetectionsMessage, PointMessage, decode_detections, decode_point
 
-MEMORY_PERIOD_S = 0.2
+MEMORY_PERIOD_S, REST_PERIOD_S = 0.2, 0.5
 SENSORS_SAID_MAX = 16
 """Sensor sizes of which it is said which targets they do not hold: more than these are nobody's cameras."""
 
@@ -71,6 +71,7 @@ class TargetInput:
         self._node.reader(Detection2DArray, "~/targets", self._receive)
         self._node.reader(PointStamped, "~/clicked_point", self._receive_point)
         self._node.every(MEMORY_PERIOD_S, self._remember)
+        self._node.every(REST_PERIOD_S, self._refusals.say_rest)
 
     def missing(self) -> list[str]:
         """What is missing where there is nothing to track, in a sentence."""

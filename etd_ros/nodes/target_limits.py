@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Throttle
@@ -65,29 +67,58 @@ class LostTimes:
         return sorted(names, key=lambda name: -self._lost_ns[name])
 
 
+class _Unsaid(NamedTuple):
+    """How many were refused without a word since a time (s), and why the last one was."""
+
+    since_s: float
+    refused: int
+    text: str
+
+
 class Refusals:
     """Counts the targets that a node refuses as its errors, and says why.
 
-    Each reason is said at most every few seconds, so that no sender floods the log, and none hides another.
+    Each reason is said at most every few seconds, so that no sender floods the log, and none hides another. What is
+    not said is told together afterwards: whoever asks for a target shall not wait for it in vain.
 
     Args:
         node: whose errors they are.
+        now_s: a clock that only goes forth (s).
     """
 
-    def __init__(self, node: EtdNode) -> None:
+    def __init__(self, node: EtdNode, now_s: Callable[[], float] = time.monotonic) -> None:
         self._node = node
+        self._now_s = now_s
         self._throttle = Throttle(REMARKS_PERIOD_S, REASONS_MAX)
+        self._lock = threading.Lock()
+        self._unsaid: _Unsaid | None = None
 
     def note(self, reason: str, text: str, count: int = 1) -> None:
         """So many targets were refused for a reason; `text` says what, why, and what to do."""
-        if self._throttle.lets(reason, time.monotonic()):
+        if self._throttle.lets(reason, self._now_s()):
             self.say(text, count)
-        else:
-            self._node.errors += count
+            return
+        self._node.errors += count
+        with self._lock:
+            before = self._unsaid or _Unsaid(self._now_s(), 0, "")
+            self._unsaid = _Unsaid(before.since_s, before.refused + count, text)
 
     def say(self, text: str, count: int = 1) -> None:
         """The same for what does not come again and again."""
         self._node.errors += count
+        self._warn(text)
+
+    def say_rest(self) -> None:
+        """Say how many were refused without a word, and why the last one was, once the time is over in which they were
+        not to be said. Any thread may call this, often."""
+        with self._lock:
+            rest = self._unsaid
+            if rest is None or self._now_s() - rest.since_s < REMARKS_PERIOD_S:
+                return
+            self._unsaid = None
+        self._warn(f"{rest.refused} more were refused in the last {REMARKS_PERIOD_S:g} s, the last one so: {rest.text}")
+
+    def _warn(self, text: str) -> None:
         self._node.get_logger().warning(f"{' '.join(text.split())} ({self._node.errors} so far)")
 
 

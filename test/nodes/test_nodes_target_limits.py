@@ -17,7 +17,8 @@ from vision_msgs.msg import Detection2DArray
 from etd_ros.boxes import Box
 from etd_ros.events import Events
 from etd_ros.nodes.connections import FRAME_QOS
-from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes
+from etd_ros.nodes.remarks import REMARKS_PERIOD_S
+from etd_ros.nodes.target_limits import LOST_MIN_S, START_AHEAD_MAX_S, EventClock, LostTimes, Refusals
 from etd_ros.nodes.target_places import names_of
 from etd_ros.tracking import TargetReport, TargetState
 from msg_adapters import (
@@ -311,6 +312,52 @@ def test_a_box_without_room_for_an_object_is_refused_and_what_is_followed_goes_o
     assert "'tiny' (x 100, y 80, w 1e-09, h 1e-09) is too small to be followed" in bench.log("pipeline")
     targets.publish(boxes_at(DRUM, "good"))
     bench.wait_until(lambda: states_of(bench).keys() == {"ball", "drum", "good"}, "a good one is taken")
+
+
+class _Speaker:
+    """A node that only counts its errors and keeps what it says."""
+
+    def __init__(self) -> None:
+        self.errors = 0
+        self.said: list[str] = []
+
+    def get_logger(self):
+        return self
+
+    def warning(self, text: str) -> None:
+        self.said.append(text)
+
+
+def test_what_is_refused_without_a_word_is_told_together_when_the_time_is_over():
+    node, clock = _Speaker(), [0.0]
+    refusals = Refusals(node, lambda: clock[0])
+    for number in range(7):
+        refusals.note("box", f"box {number} is off the sensor")
+    refusals.note("click", "click 1 is off the sensor")
+    clock[0] = 0.5
+    refusals.note("click", "click 2 is off the sensor")
+    assert node.errors == 9
+    assert node.said == ["box 0 is off the sensor (1 so far)", "click 1 is off the sensor (8 so far)"]
+    clock[0] = REMARKS_PERIOD_S - 0.1
+    refusals.say_rest()
+    assert len(node.said) == 2
+    clock[0] = REMARKS_PERIOD_S
+    for _ in range(2):
+        refusals.say_rest()
+    (rest,) = node.said[2:]
+    assert rest == "7 more were refused in the last 5 s, the last one so: click 2 is off the sensor (9 so far)"
+    assert node.errors == 9
+
+
+def test_a_node_tells_how_many_more_it_has_refused(bench, repository):
+    targets = start_looping(bench, repository, TARGETS)
+    for number in range(7):
+        targets.publish(boxes_at(Box(9000, 9000, 10, 10), f"far_{number}"))
+    bench.wait_until(lambda: errors(bench) == 7, "all are counted")
+    bench.wait_until(lambda: "more were refused" in bench.log("pipeline"), "the rest is told")
+    (line,) = [line for line in bench.log("pipeline").splitlines() if "more were refused" in line]
+    assert "'far_6'" in line
+    assert "off the 240x180 sensor" in line
 
 
 @pytest.mark.parametrize("step_back_s", [0.0, 5.0])
