@@ -30,6 +30,7 @@ from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, WAIT_MIN_S
 from etd_ros.tracking.other_targets import OtherBoxes
+from etd_ros.tracking.set_off import SetOff
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import (
@@ -47,6 +48,9 @@ SEARCH_MARGIN = 1.5
 UNSEEN_S, UNSEEN_SHORT_S, UNSEEN_RADII = 0.1, 0.02, 4
 """No frame for so long is a gap, over which motion by more than so many search radii is not believed; after a short one
 the look is a wide one."""
+RECENT_S, FADES_S, RECENCY_MIN = 0.1, 0.5, 0.01
+"""A target that has had no events for longer than this is reported with a score that halves in this time, down to so
+much of what it was."""
 SHAKEN_S = 0.3
 """A camera that comes to a halt shakes for so long at most."""
 FRAME_MIN_S = 0.0003
@@ -55,7 +59,12 @@ FRAME_MIN_S = 0.0003
 
 class ContourTarget:
     """One tracked target; the arguments are those of `Target`, with the surface that all targets share, and what says
-    how far its box is off."""
+    how far its box is off.
+
+    Attributes:
+        followed_since_ns: when it started, or started again from where it stood (ns): what it looked like before, and
+            how it lay, is told in other coordinates.
+    """
 
     def __init__(
         self,
@@ -89,8 +98,10 @@ class ContourTarget:
         self._refinement: BoxRefinement | None
         self._images: ImageSearch
         self._held: Held | None
+        self._set_off: SetOff | None
         self._search: ContourSearch
         self._updated_ns: int
+        self.followed_since_ns: int
         self._wait_for_start()
 
     @property
@@ -131,19 +142,29 @@ class ContourTarget:
             if self._corrector is not None:
                 gain = self._contour_config.refine_gain
                 self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
-            self._updated_ns = stamp_ns
+            self._updated_ns = self.followed_since_ns = stamp_ns
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
             self._look(stamp_ns, image)
+        was_held = self._held is not None
+        if was_held:
+            self._watch_for_drift(stamp_ns, image)
         if self._state is not TargetState.TRACKING:
             held_box = self._held.box_at(stamp_ns) if self._held else None
             return TargetReport(self.name, self.state, held_box, 0.0)
         is_sure = self._start_up is None and self._doubts.failing_s == 0
         self._images.remember(stamp_ns, image, self._body.box, is_sure=is_sure)
-        if is_sure:
+        if is_sure and not was_held:
             self._watch_for_drift(stamp_ns, image)
         box = self._body.box_at(*self._body.predicted(stamp_ns))
-        return TargetReport(self.name, self._state, box, min(1.0, self._following.confidence))
+        return TargetReport(self.name, self._state, box, min(1.0, self._following.confidence) * self._recency(stamp_ns))
+
+    def _recency(self, stamp_ns: int) -> float:
+        """How far what was seen last still tells where it is, 1 to RECENCY_MIN."""
+        unseen_s = self._following.unseen_s
+        if self._start_up is not None:
+            unseen_s = (stamp_ns - self.start_stamp_ns) * 1e-9 if self._start_up.stands else 0.0
+        return max(RECENCY_MIN, math.exp2(-max(0.0, unseen_s - RECENT_S) / FADES_S))
 
     def begins(self, stamp_ns: int) -> bool:
         """Whether it starts with the frame of this time (ns)."""
@@ -230,17 +251,15 @@ class ContourTarget:
 
     def _wait_for_start(self) -> None:
         self._state = TargetState.IDLE
-        self._contours = Contours(self.start_box, self.start_stamp_ns, self._contour_config)
-        self._body = self._contours.body
+        self._follow_contours(Contours(self.start_box, self.start_stamp_ns, self._contour_config))
         self._start_up = StartUp(self._contours)
-        self._doubts = Doubts(self._body, self._surface)
-        self._following = Following(self._contours, self._surface, self._doubts)
         self._refinement = None
         recovery = self._recovery_factory() if self._recovery_factory else None
         self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
         self._first: tuple[Impression, UsualLooks] | None = None
-        self._updated_ns = 0
+        self._updated_ns = self.followed_since_ns = 0
         self._held = None
+        self._set_off = None
 
     def _check_sight(self, stamp_ns: int) -> None:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
@@ -272,19 +291,22 @@ class ContourTarget:
             self._refinement.take(self._contours, self._surface)
 
     def _watch_for_drift(self, stamp_ns: int, image: FrameData | None) -> None:
-        """A box that was drawn along by something learns what it is on, and its looks are sure again. So the target is
-        looked for on images as it looked at first; where it is seen elsewhere, it is there, and looks like that."""
+        """A box that was drawn along by something learns what it is on, and its looks are sure again, or it has no
+        events there. So the target is looked for on images as it looked at first; where it is seen elsewhere, it is
+        there, and looks like that."""
         if self._first is None:
             if self._images.watch.knows_first:
                 self._first = self._contours.impression(), copy.copy(self._following.usual)
             return
         found = self._images.watch.elsewhere(stamp_ns, image, self._body.box)
         # What passes before a target hides it on images, too; something else may look like it.
-        if found is None or self._following.confidence < CONFIDENCE_USUAL:
+        is_unseen = self._held is not None or self._following.unseen_s > RECENT_S
+        if found is None or (self._following.confidence < CONFIDENCE_USUAL and not is_unseen):
             return
         impression, usual = self._first
         self._images.forget_lately()
         self._contours.appear(impression, found.box, stamp_ns)
+        self._state, self._held = TargetState.TRACKING, None
         self._doubts.begin_anew()
         self._following.begin_anew(usual, found.score)
 
@@ -297,6 +319,7 @@ class ContourTarget:
         self._fail(stamp_ns, may_have_left=has_gone_behind)
         if self._state is TargetState.RECOVERING and not has_gone_behind:
             self._held = Held(self._body.box, moving, stamp_ns, self._surface)
+            self._set_off = SetOff(self._contours, self._body.box, stamp_ns, self._contour_config)
 
     def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
@@ -355,6 +378,9 @@ class ContourTarget:
             return
         if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
+        if self._set_off is not None and self._held is not None and self._set_off.take(self._surface):
+            self._start_again(self._set_off.contours, stamp_ns)
+            return
         search.coast()
         search.keep()
         answer = None
@@ -369,6 +395,23 @@ class ContourTarget:
             self._go_on(answer.score, is_unsettled=True)
         else:
             self._go_on(CONFIDENCE_FOUND, is_unsettled=search.is_unsettled)
+
+    def _start_again(self, contours: Contours, stamp_ns: int) -> None:
+        """It has set off from where it stood, and looks as it does on its way now."""
+        self._follow_contours(contours)
+        if self._corrector is not None:
+            gain = self._contour_config.refine_gain
+            self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
+        self._first = None
+        self.followed_since_ns = stamp_ns
+        self._state = TargetState.TRACKING
+        self._held = self._set_off = None
+
+    def _follow_contours(self, contours: Contours) -> None:
+        self._contours = contours
+        self._body = contours.body
+        self._doubts = Doubts(self._body, self._surface)
+        self._following = Following(contours, self._surface, self._doubts)
 
     def _go_on(self, confidence: float, *, is_unsettled: bool) -> None:
         """Follow it again from where it is now."""

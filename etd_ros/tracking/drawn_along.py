@@ -37,12 +37,13 @@ GIVE_UP_S = 1.0
 
 @dataclass(slots=True)
 class _Clear:
-    """Where a target stood and what it looked like when it was clear of the others last; how long it has moved as one
-    with another since, and when it was first taken to be drawn along (ns)."""
+    """Where a target stood and what it looked like when it was clear of the others last, and since when it was followed
+    then (ns); how long it has moved as one with another since, and when it was first taken to be drawn along (ns)."""
 
     standing: Standing
     impression: Impression
     impressed_ns: int
+    followed_since_ns: int
     met_s: float = 0.0
     first_ns: int | None = None
 
@@ -72,6 +73,10 @@ class DrawnAlong:
         self._checked_ns = stamp_ns
         elapsed_s = min(elapsed_s, CHECK_MAX_S)
         followed = [target for target in targets if target.is_followed]
+        for target in followed:
+            clear = self._clear.get(target.name)
+            if clear is not None and clear.followed_since_ns != target.followed_since_ns:
+                self.forget(target.name)
         shares = _common_shares([target.last_box for target in followed])
         touching: set[str] = set()
         for first, second in np.argwhere(np.triu(shares >= CLEAR_SHARE, 1)).tolist():
@@ -108,7 +113,7 @@ class DrawnAlong:
         """It is clear of the others."""
         now, clear = target.standing, self._clear.get(target.name)
         if clear is None:
-            self._clear[target.name] = _Clear(now, target.impression, stamp_ns)
+            self._clear[target.name] = _Clear(now, target.impression, stamp_ns, target.followed_since_ns)
             return
         rate = 1 - math.exp(-elapsed_s / VELOCITY_S)
         velocity = clear.standing.velocity + rate * (now.velocity - clear.standing.velocity)

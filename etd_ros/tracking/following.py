@@ -65,6 +65,7 @@ class Following:
         motion: how it usually moves.
         confidence: of the last look, or of what else has found the target.
         settling: for so many looks more its motion is not known.
+        unseen_s: for how long it has had no events.
     """
 
     def __init__(self, contours: Contours, surface: TimeSurface, doubts: Doubts) -> None:
@@ -73,6 +74,7 @@ class Following:
         self.motion = UsualMotion()
         self.confidence = 1.0
         self.settling = 0
+        self.unseen_s = 0.0
         self._noise_s = 0.0
 
     @property
@@ -96,7 +98,9 @@ class Following:
         is_noise = confidence < CONFIDENCE_OK and contours.sees_noise(self._surface)
         self._noise_s = self._noise_s + elapsed_s if is_noise else 0.0
         if look.events < EVENTS_MIN or self._noise_s > NOISE_S:
+            self.unseen_s += elapsed_s
             return self._go_without_events(stamp_ns, elapsed_s)
+        self.unseen_s = 0.0
         doubts.note_velocity()
         self.motion.learn_speed(body.speed_px_s, elapsed_s)
         if doubts.failing_s == 0:
@@ -115,7 +119,7 @@ class Following:
 
     def go_on(self, confidence: float, *, is_unsettled: bool) -> None:
         """The target was found, so surely; its motion may not be known."""
-        self.confidence = confidence
+        self.confidence, self.unseen_s = confidence, 0.0
         self.motion.steady.forget()
         if is_unsettled:
             self.settling = SETTLING_LOOKS
@@ -125,7 +129,7 @@ class Following:
         self.usual = copy.copy(usual)
         self.motion = UsualMotion()
         self.settling = SETTLING_LOOKS
-        self.confidence = confidence
+        self.confidence, self.unseen_s = confidence, 0.0
 
     def _look_here(self) -> Look:
         return self._contours.look(self._surface, any_motion=self.settling > 0)

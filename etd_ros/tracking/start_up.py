@@ -99,7 +99,7 @@ class StartUp:
             # In frames that were not looked at it may have moved.
             self._late_s = max(0.0, (surface.before_ns - self._start_ns) * 1e-9)
             self._begin(self._start_ns)
-        if self._stands and (surface.start_ns - max(surface.before_ns, self._start_ns)) * 1e-9 > SILENT_S:
+        if self.stands and (surface.start_ns - max(surface.before_ns, self._start_ns)) * 1e-9 > SILENT_S:
             # Nothing moved anywhere.
             self._begin(surface.start_ns)
         if not self._rests:
@@ -110,13 +110,13 @@ class StartUp:
             return False
         self._looked_at_ns = surface.stamp_ns
         self._events_waiting = 0
-        if self._stands and self._sees_noise(surface):
+        if self.stands and self._sees_noise(surface):
             self._begin(surface.stamp_ns)
             return False
         return self._look(surface, elapsed_s)
 
     @property
-    def _stands(self) -> bool:
+    def stands(self) -> bool:
         """Whether the target is not known to have moved."""
         body = self._body
         moved_px = body.speed_px_s * (body.stamp_ns - self._start_ns) * 1e-9

@@ -58,7 +58,7 @@ class Walker:
         self.name = name
         self.x, self.speed_px_s = x, speed_px_s
         self.is_followed = self.is_sure = True
-        self.stamp_ns = START_NS
+        self.stamp_ns = self.followed_since_ns = START_NS
         self.impression = f"{name} at first"
         self.went_back = []
 
@@ -198,3 +198,11 @@ def test_a_target_that_goes_back_is_looked_for_from_there():
     assert target.state is TargetState.RECOVERING
     assert not target.is_followed
     np.testing.assert_array_equal(target.standing.pose, standing.pose)
+
+
+def test_what_has_started_again_since_does_not_go_back_to_before_that():
+    walk, hidden, other = met()
+    hidden.followed_since_ns = walk.stamp_ns
+    walk.go(2 * MET_S)
+    assert not hidden.went_back
+    assert not other.went_back

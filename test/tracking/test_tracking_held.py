@@ -9,8 +9,9 @@ import pytest
 from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, frames_from, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
+from etd_ros.recovery import Found
 from etd_ros.simulation import Waypoint
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, drift_watch
 from etd_ros.tracking.body import Body
 from etd_ros.tracking.held import MOVES_ON_S, Held, moving_on
 from etd_ros.tracking.surface import TimeSurface
@@ -100,3 +101,43 @@ def test_only_what_moves_by_eight_times_its_size_in_a_second_moves_on():
     assert moving_on(body, START_NS + 10_000_000) is None
     body.velocity[:] = 0.0, 200.0
     assert moving_on(body, START_NS + 10_000_000) == (Box(50, 52, 20, 20), 0.0, 200.0)
+
+
+class Watching:
+    """Recovery that sees on images where a square is, and is asked where one that is followed may be elsewhere."""
+
+    has_lead = False
+
+    def __init__(self, scene):
+        self.scene, self.time_s = scene, 0.0
+
+    def watch(self):
+        return self
+
+    def remember(self, image, box):
+        pass
+
+    def forget_lately(self):
+        pass
+
+    def look_wider(self):
+        pass
+
+    def search(self, image, last_box):
+        return Found(self.scene.box("thing", self.time_s), 0.9)
+
+
+@pytest.mark.parametrize("is_watched", [True, False])
+def test_what_is_held_and_is_seen_elsewhere_on_images_is_followed_there(monkeypatch, is_watched):
+    monkeypatch.setattr(drift_watch, "WATCH_NS", 50_000_000 if is_watched else 10_000_000_000)
+    scene = scene_of(Waypoint(0.0, 30.0, 90.0), Waypoint(1.9, 220.0, 90.0), duration_s=1.9)
+    recovery = Watching(scene)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0), recovery_factory=lambda: recovery)
+    tracker.start("thing", scene.box("thing", 0.0), START_NS)
+    states = set()
+    for frame in frames_without_it(scene, 0.3, 1.4):
+        recovery.time_s = (frame.stamp_ns - START_NS) * 1e-9
+        (report,) = tracker.update(frame.stamp_ns, frame.data, np.zeros((HEIGHT, WIDTH), np.uint8), frame.start_ns)
+        states.add(report.state)
+    assert states == {TargetState.TRACKING}
+    assert (overlap(report, scene.box("thing", recovery.time_s)) > 0.7) == is_watched

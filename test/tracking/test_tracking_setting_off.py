@@ -1,10 +1,15 @@
-"""What rests in its start box and sets off later is followed from there; what has moved on before its box came, too."""
+"""What rests in its start box and sets off later is followed from there; so is what has moved on before its box came,
+and what stopped on its way."""
 
+import numpy as np
 import pytest
-from tracked_scenes import START_NS, frames_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
-from etd_ros.simulation import Waypoint
+from etd_ros.boxes import Box
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint
+from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
+from etd_ros.tracking.set_off import SetOff
 
 X, Y, SETS_OFF_S, SPEED_PX_S = 70, 90, 0.4, 120
 
@@ -46,3 +51,59 @@ def test_a_box_that_comes_late_starts_what_has_moved_on_from_it(speed_px_s, late
             tracker.start("thing", scene.box("thing", start_s), START_NS + round(start_s * 1e9))
         reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
     assert overlap(reports[0], scene.box("thing", time_s)) > 0.75
+
+
+STOPS_S, LEAVES_S, UNTIL_S = 0.1, 0.7, 1.2
+
+
+def stopping(*cover):
+    """A square that goes down a little, stops at once, and leaves to the left later."""
+
+    def way(t):
+        return 140 - 150 * np.clip(t - LEAVES_S, 0, None), 70 + 8 * np.clip(t / STOPS_S, 0, 1)
+
+    surface = checks(np.random.default_rng(0), 36, 36, cell=9)
+    wall = 0.5 + 0.05 * smooth_noise(np.random.default_rng(5), HEIGHT, WIDTH)
+    thing = Sprite("thing", surface, np.ones(surface.shape), Path.of(way, UNTIL_S))
+    return Scene(WIDTH, HEIGHT, UNTIL_S, wall, (thing, *cover))
+
+
+def test_what_stood_and_sets_off_another_way_is_followed_though_its_model_knows_no_edge_along_it(monkeypatch):
+    scene = stopping()
+    frames = frames_of(scene)
+    (_, report, truth) = tracked(scene, frames=frames)[-1]
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, truth) > 0.85
+    monkeypatch.setattr(SetOff, "take", lambda *_: False)
+    (_, report, truth) = tracked(scene, frames=frames)[-1]
+    assert overlap(report, truth) < 0.1
+
+
+def test_what_passes_before_a_target_that_stands_is_not_the_target_that_sets_off():
+    passing = Sprite(
+        "passing",
+        checks(np.random.default_rng(3), 24, 24, cell=6),
+        np.ones((24, 24)),
+        Path.of(lambda t: (20 + 500 * np.clip(t - 0.2, 0, None), 74 + 0 * t), UNTIL_S),
+        is_target=False,
+    )
+    scene = stopping(passing)
+    standing = [(report, truth) for time_s, report, truth in tracked(scene) if time_s < LEAVES_S]
+    assert {report.state for report, _ in standing} == {TargetState.TRACKING}
+    assert min(overlap(report, truth) for report, truth in standing) > 0.7
+
+
+def test_the_score_of_what_stands_fades_and_is_back_when_it_moves():
+    scene = resting(duration_s=1.4)
+    found = [(time_s, report.score) for time_s, report, _ in tracked(scene, start_s=0.05)]
+    assert min(score for time_s, score in found if time_s < SETS_OFF_S) < 0.8
+    assert found[-1][1] > 0.85
+
+
+def test_a_box_on_an_empty_wall_loses_its_score_and_stays():
+    scene = scene_of(Waypoint(0, X, Y), Waypoint(1.5, X, Y), duration_s=1.5)
+    empty = Box(150, 20, 30, 30)
+    (_, report, _) = tracked(scene, empty, frames=frames_of(scene, noise_rate_hz=5_000.0))[-1]
+    assert report.box == empty
+    assert report.state is TargetState.TRACKING
+    assert 0 < report.score < 0.3

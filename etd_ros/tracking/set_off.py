@@ -1,0 +1,59 @@
+"""A target that stands, and then sets off: another way than it came, its model knows none of the edges that make events
+then, and neither looks nor a search find it. So it starts again, as it did from its first box."""
+
+from __future__ import annotations
+
+import math
+
+from etd_ros.boxes import Box
+from etd_ros.tracking.contour_config import ContourConfig
+from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.growth import stands_alone
+from etd_ros.tracking.start_up import StartUp
+from etd_ros.tracking.surface import TimeSurface
+
+KNOWN_MAX = 0.5
+"""What moves in a direction of which more is known is found by its model, or is something else."""
+AROUND_S = 0.1
+"""What passes before a target comes from beside it, and was round its box within this time."""
+
+
+class SetOff:
+    """What comes of a target where it stands.
+
+    Args:
+        known: its contours so far.
+        box: where it stands (pixels).
+        stamp_ns: from when on (ns).
+        config: of contours.
+
+    Attributes:
+        contours: those that it has once it has set off.
+    """
+
+    def __init__(self, known: Contours, box: Box, stamp_ns: int, config: ContourConfig) -> None:
+        self._known, self._box, self._config = known, box, config
+        self._begin(stamp_ns)
+
+    def _begin(self, stamp_ns: int) -> None:
+        self.contours = Contours(self._box, stamp_ns, self._config)
+        self._start_up = StartUp(self.contours)
+
+    def take(self, surface: TimeSurface) -> bool:
+        """Take the newest frame, which the surface holds; whether the target has set off, so that its contours are
+        known."""
+        if not self._start_up.take(surface, self.contours.keep(surface)):
+            return False
+        if self._is_it(surface):
+            return True
+        self._begin(surface.stamp_ns)
+        return False
+
+    def _is_it(self, surface: TimeSurface) -> bool:
+        """Whether what has moved away from there is the target: all of it began in its box, another way than it is
+        known to look."""
+        body = self.contours.body
+        right, down = body.velocity.tolist()
+        if math.hypot(right, down) == 0 or self._known.known_along((right, down)) > KNOWN_MAX:
+            return False
+        return stands_alone(surface, body.box, AROUND_S)
