@@ -106,8 +106,9 @@ class TargetReport:
         state: where it stands.
         box: its box (pixels), while TRACKING; else None.
         score: how sure the box is, 0 to 1. `etd`: IoU with its box on the frame before; `etd-plus`: confidence of the
-            last look, 1 before the first and 0 while it is held where it vanished or stopped at once. What the recovery
-            tracker gave if that found it on this frame; 0 while there is no box.
+            last look, 1 before the first, less the longer nothing is seen there, and 0 while it is held where it
+            vanished or stopped at once. What the recovery tracker gave if that found it on this frame; 0 while there is
+            no box.
         search: how it was looked for; only where that was asked for, and the target has started.
     """
 
