@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -98,7 +97,7 @@ class ContourTarget:
         self._refinement: BoxRefinement | None
         self._images: ImageSearch
         self._held: Held | None
-        self._set_off: SetOff | None
+        self._set_off: SetOff
         self._search: ContourSearch
         self._updated_ns: int
         self.followed_since_ns: int
@@ -139,9 +138,7 @@ class ContourTarget:
             self._state = TargetState.TRACKING
             self._body.stamp_ns = self.start_stamp_ns or stamp_ns
             self._start_up = StartUp(self._contours)
-            if self._corrector is not None:
-                gain = self._contour_config.refine_gain
-                self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
+            self._begin_refinement(stamp_ns)
             self._updated_ns = self.followed_since_ns = stamp_ns
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
@@ -163,7 +160,7 @@ class ContourTarget:
         """How far what was seen last still tells where it is, 1 to RECENCY_MIN."""
         unseen_s = self._following.unseen_s
         if self._start_up is not None:
-            unseen_s = (stamp_ns - self.start_stamp_ns) * 1e-9 if self._start_up.stands else 0.0
+            unseen_s = (stamp_ns - self.followed_since_ns) * 1e-9 if self._start_up.stands else 0.0
         return max(RECENCY_MIN, math.exp2(-max(0.0, unseen_s - RECENT_S) / FADES_S))
 
     def begins(self, stamp_ns: int) -> bool:
@@ -239,7 +236,8 @@ class ContourTarget:
             # What it has collected is of other times.
             self._start_up = StartUp(self._contours)
         self._contours.uncover()
-        self._held = replace(self._held, moving=None) if self._held else None
+        if self._held is not None:
+            self._hold(stamp_ns, None)
         self._images.time_went_back(stamp_ns)
         if self._refinement:
             self._refinement.time_went_back(stamp_ns)
@@ -259,7 +257,6 @@ class ContourTarget:
         self._first: tuple[Impression, UsualLooks] | None = None
         self._updated_ns = self.followed_since_ns = 0
         self._held = None
-        self._set_off = None
 
     def _check_sight(self, stamp_ns: int) -> None:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""
@@ -318,8 +315,13 @@ class ContourTarget:
         self._doubts.failing_s = 0.0
         self._fail(stamp_ns, may_have_left=has_gone_behind)
         if self._state is TargetState.RECOVERING and not has_gone_behind:
-            self._held = Held(self._body.box, moving, stamp_ns, self._surface)
-            self._set_off = SetOff(self._contours, self._body.box, stamp_ns, self._contour_config)
+            self._hold(stamp_ns, moving)
+
+    def _hold(self, stamp_ns: int, moving: tuple[Box, float, float] | None) -> None:
+        """It keeps its box from now on (ns), which may move on first as for `Held`, until it is seen or sets off."""
+        box = self._body.box if self._held is None else self._held.box
+        self._held = Held(box, moving, stamp_ns, self._surface)
+        self._set_off = SetOff(self._contours, box, stamp_ns, self._contour_config)
 
     def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
@@ -378,7 +380,7 @@ class ContourTarget:
             return
         if self._state is TargetState.RECOVERING and search.since_s > self._config.recovering_max_s and not self._held:
             self._state = TargetState.LOST
-        if self._set_off is not None and self._held is not None and self._set_off.take(self._surface):
+        if self._held is not None and self._set_off.take(self._surface):
             self._start_again(self._set_off.contours, stamp_ns)
             return
         search.coast()
@@ -399,15 +401,19 @@ class ContourTarget:
     def _start_again(self, contours: Contours, stamp_ns: int) -> None:
         """It has set off from where it stood, and looks as it does on its way now."""
         self._follow_contours(contours)
-        if self._corrector is not None:
-            gain = self._contour_config.refine_gain
-            self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
+        self._begin_refinement(stamp_ns)
         self._first = None
         self.followed_since_ns = stamp_ns
         self._state = TargetState.TRACKING
-        self._held = self._set_off = None
+        self._held = None
+
+    def _begin_refinement(self, stamp_ns: int) -> None:
+        if self._corrector is not None:
+            gain = self._contour_config.refine_gain
+            self._refinement = BoxRefinement(self.name, self._corrector, gain, stamp_ns)
 
     def _follow_contours(self, contours: Contours) -> None:
+        """Nothing is known of these contours yet but what they are."""
         self._contours = contours
         self._body = contours.body
         self._doubts = Doubts(self._body, self._surface)

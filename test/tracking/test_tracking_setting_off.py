@@ -107,3 +107,27 @@ def test_a_box_on_an_empty_wall_loses_its_score_and_stays():
     assert report.box == empty
     assert report.state is TargetState.TRACKING
     assert 0 < report.score < 0.3
+
+
+def test_a_box_that_starts_with_the_next_frame_has_its_score_from_the_first():
+    scene = scene_of(Waypoint(0, X, Y), Waypoint(0.5, X + 60, Y), duration_s=0.5)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", scene.box("thing", 0.0))
+    frame = frames_of(scene)[0]
+    (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert report.score == 1.0
+
+
+def test_what_is_held_sets_off_after_the_stream_has_started_again(monkeypatch):
+    monkeypatch.setattr("etd_ros.tracking.contour_target.starts_again", lambda *_: False)
+    scene, later_ns = stopping(), 5_000_000_000
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", scene.box("thing", 0.0), START_NS + later_ns)
+    frames = frames_of(scene)
+    for frame in frames:
+        if frame.stamp_ns < START_NS + LEAVES_S * 1e9:
+            tracker.update(frame.stamp_ns + later_ns, frame.data, start_ns=frame.start_ns + later_ns)
+    for frame in frames:
+        if frame.stamp_ns > START_NS + (STOPS_S + 0.2) * 1e9:
+            (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert overlap(report, scene.box("thing", UNTIL_S)) > 0.8
