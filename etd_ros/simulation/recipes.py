@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
 from etd_ros.simulation.backgrounds import BACKGROUNDS
@@ -25,7 +24,7 @@ from etd_ros.simulation.motions import (
 from etd_ros.simulation.scene import Scene, Sprite
 from etd_ros.simulation.sensor import SensorConfig
 from etd_ros.simulation.textures import BRIGHT, DARK, Texture, smooth_noise
-from etd_ros.simulation.things import KINDS, Thing
+from etd_ros.simulation.things import KINDS, Thing, rim_seen
 
 MOTIONS = ("wander", "cross", "rest")
 CAMERAS = ("still", "slide", "shake", "wander", "zoom")
@@ -168,10 +167,7 @@ class _Maker:
         for _ in range(TRIALS):
             texture, opacity = KINDS[kind](self._rng, size)
             texture = self._compressed(texture)
-            inner = cv2.erode(opacity, np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-            is_rim = (opacity > 0.5) & (inner < 0.5)
-            stands_out = np.abs(np.log(texture[is_rim]) - ground) > RIM_CONTRAST_MIN * self._recipe.contrast
-            if stands_out.mean() > RIM_SHARE_MIN:
+            if rim_seen((texture, opacity), ground, RIM_CONTRAST_MIN * self._recipe.contrast) > RIM_SHARE_MIN:
                 break
         return texture, opacity
 

@@ -160,6 +160,14 @@ def _smooth_disc(size: int) -> FloatArray:
     return shrunk((radius <= 1).astype(np.float64))
 
 
+def rim_seen(thing: Thing, ground: float, contrast: float) -> float:
+    """The share of a thing's rim whose log intensity is farther from that of the ground behind it than `contrast`."""
+    texture, opacity = thing
+    inner = cv2.erode(opacity, np.ones((5, 5)), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    is_rim = (opacity > 0.5) & (inner < 0.5)
+    return float((np.abs(np.log(texture[is_rim]) - ground) > contrast).mean())
+
+
 def shrunk(image: FloatArray) -> FloatArray:
     """A picture drawn OVERSAMPLING times as large, as it is to be: the mean of each square of so many pixels."""
     height, width = (extent // OVERSAMPLING for extent in image.shape)

@@ -19,7 +19,6 @@ from etd_ros.tracking.arrivals import Side, side_of
 from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
 from etd_ros.tracking.contour_config import ContourConfig
-from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
@@ -28,7 +27,7 @@ from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, WAIT_MIN_S
-from etd_ros.tracking.other_targets import OtherBoxes
+from etd_ros.tracking.other_targets import OtherBoxes, Place
 from etd_ros.tracking.set_off import SetOff
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
@@ -172,14 +171,16 @@ class ContourTarget:
         """The boxes of other targets near it, whose events are not its own."""
         return self._contours.own.others
 
-    def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
-        """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known, or believed so far."""
+    def place(self, stamp_ns: int) -> Place | None:
+        """Where it is at a time (ns), if that is known, or believed so far."""
         body = self._body
         if self.begins(stamp_ns):
-            return self.start_box, np.zeros(2)
+            return Place(self.start_box, np.zeros(2), has_events=True)
+        if self._held is not None:
+            return Place(self._held.box, np.zeros(2), has_events=False)
         if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
             return None
-        return body.box_at(*body.predicted(stamp_ns)), body.velocity
+        return Place(body.box_at(*body.predicted(stamp_ns)), body.velocity, has_events=True)
 
     @property
     def is_followed(self) -> bool:
@@ -200,6 +201,10 @@ class ContourTarget:
     def impression(self) -> Impression:
         """What it looks like now."""
         return self._contours.impression()
+
+    def confidence_as(self, impression: Impression) -> float:
+        """How surely it is seen where it is taken to be, as it looked once."""
+        return self._following.confidence_as(impression)
 
     def go_back(self, stamp_ns: int, standing: Standing, impression: Impression) -> None:
         """Something else has drawn it along since it stood there and looked so: look for it from there on."""

@@ -22,7 +22,7 @@ from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.own_events import OwnEvents
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.turning import TurningByFlow
+from etd_ros.tracking.turning import BeginningTurn, TurningByFlow
 from etd_ros.tracking.turning_trial import TurningTrial
 
 CELLS_MAX = 48
@@ -74,6 +74,7 @@ class Contours:
         self._growth_by_flow = GrowthByFlow()
         self._turning_by_flow: TurningByFlow | None = None
         self._trial: TurningTrial | None = None
+        self._beginning = BeginningTurn()
         self._may_stride = box.h > STRIDING_MIN * box.w
         self.cell_px = max(1.0, max(box.w, box.h) / CELLS_MAX)
         columns, rows = (math.ceil(side * MARGIN / self.cell_px) + BORDER_CELLS for side in (box.w, box.h))
@@ -177,6 +178,7 @@ class Contours:
         any_motion: bool = True,
         *,
         own_alone: bool = False,
+        impression: Impression | None = None,
     ) -> Look:
         """Fit the model to the newest events round a place (pixels).
 
@@ -187,6 +189,7 @@ class Contours:
             radius_px: how far from it (pixels).
             any_motion: as for `look`.
             own_alone: leave out the events of other targets, and of what moves otherwise round it.
+            impression: fit what the target looked like then, not what it looks like now.
         """
         config, body = self.config, self.body
         box = body.box_at(x, y, MARGIN)
@@ -196,7 +199,11 @@ class Contours:
         pose = np.array([x, y, *body.changed(surface.stamp_ns)])
         if own_alone:
             count = self.own.keep(points, count, pose, body.velocity, span_s, surface.stamp_ns)
-        maps, norms, velocity, motion = self._maps, self._norms, body.motion, BIAS_PX * self.direction
+        maps, norms = self._maps, self._norms
+        if impression is not None:
+            cells = self._memories.cells_of(impression.remembered)
+            maps, norms = cells.trusted, cells.trusted_norms
+        velocity, motion = body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, body.pose, config.ridge_weight,
             any_motion, float(radius_px),
@@ -236,7 +243,7 @@ class Contours:
         self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
         count = self.own.keep(points, count, self.body.pose, self.body.velocity, span_s, surface.stamp_ns)
-        self._fit_scale_and_angle(self._sight(points, count), elapsed_s)
+        self._fit_scale_and_angle(surface, self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1
         sight = self._sight(points, count)
@@ -344,11 +351,13 @@ class Contours:
     def _sight(self, points: Float32Array, count: int) -> Sight:
         return Sight(points, count, self.body.pose, self.body.motion, BIAS_PX * self.direction)
 
-    def _fit_scale_and_angle(self, sight: Sight, elapsed_s: float) -> None:
+    def _fit_scale_and_angle(self, surface: TimeSurface, sight: Sight, elapsed_s: float) -> None:
         config = self.config
         if config.scale_gain == 0 and config.angle_gain == 0:
             return
         too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
+        if self.body.turning.per_s == 0:
+            turned *= self._beginning.trust(surface, self.body, self.sweep_px_s, turned, self.known)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
             too_small *= 1 - self.covered

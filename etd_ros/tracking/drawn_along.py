@@ -6,7 +6,7 @@ Looks cannot tell: the model of what is hidden learns what hides it within a few
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,9 @@ PASSING_PX_S, ALIKE_SHARE = 20.0, 0.35
 that."""
 MET_S = 0.05
 """For so long they have to."""
+SEEN_MIN, SEEN_SHARE = 0.7, 0.85
+"""A target that can still be seen as it looked when it was clear, so surely, or nearly as well as the other one, has
+not been drawn along."""
 IMPRESSION_S = 0.05
 """What a target looks like is noted so often."""
 VELOCITY_S = 0.05
@@ -82,31 +85,41 @@ class DrawnAlong:
         for first, second in np.argwhere(np.triu(shares >= CLEAR_SHARE, 1)).tolist():
             one, other = followed[first], followed[second]
             touching |= {one.name, other.name}
-            for target in self._drawn(one, other) if shares[first, second] > MET_SHARE else ():
-                self._doubt(stamp_ns, target, elapsed_s)
+            if shares[first, second] > MET_SHARE and self._move_as_one(one, other):
+                self._doubt(stamp_ns, (one, other), elapsed_s)
         for target in followed:
             if target.name not in touching and target.is_sure:
                 self._note(stamp_ns, target, elapsed_s)
 
-    def _drawn(self, one: ContourTarget, other: ContourTarget) -> Iterator[ContourTarget]:
-        """Of two that have met, if they move as one though they were passing each other, the one that has changed its
-        motion more."""
+    def _move_as_one(self, one: ContourTarget, other: ContourTarget) -> bool:
+        """Whether two that have met move as one though they were passing each other."""
         clear, other_clear = self._clear.get(one.name), self._clear.get(other.name)
         if clear is None or other_clear is None:
-            return
-        was, other_was = clear.standing.velocity, other_clear.standing.velocity
-        now, other_now = one.standing.velocity, other.standing.velocity
-        passing_px_s = _apart(was, other_was)
-        if passing_px_s > PASSING_PX_S and _apart(now, other_now) <= ALIKE_SHARE * passing_px_s:
-            yield one if _apart(was, now) > _apart(other_was, other_now) else other
+            return False
+        passing_px_s = _apart(clear.standing.velocity, other_clear.standing.velocity)
+        now_px_s = _apart(one.standing.velocity, other.standing.velocity)
+        return passing_px_s > PASSING_PX_S and now_px_s <= ALIKE_SHARE * passing_px_s
 
-    def _doubt(self, stamp_ns: int, target: ContourTarget, elapsed_s: float) -> None:
-        """It has moved as one with another for this time more: it goes back if that is long enough."""
+    def _doubt(self, stamp_ns: int, pair: tuple[ContourTarget, ContourTarget], elapsed_s: float) -> None:
+        """They have moved as one for this time more. If that is long enough, the one that is seen less as it looked
+        when it was clear goes back, unless both are seen."""
+        for target in pair:
+            self._clear[target.name].met_s += elapsed_s
+        if min(self._clear[target.name].met_s for target in pair) <= MET_S:
+            return
+        for target in pair:
+            self._clear[target.name].met_s = 0.0
+        seen = [target.confidence_as(self._clear[target.name].impression) for target in pair]
+        least, most = sorted(seen)
+        if least < min(SEEN_MIN, SEEN_SHARE * most):
+            self._send_back(stamp_ns, pair[seen.index(least)])
+
+    def _send_back(self, stamp_ns: int, target: ContourTarget) -> None:
+        """It is to be where it was clear, unless it has been sent there for long enough."""
         clear = self._clear[target.name]
-        clear.met_s += elapsed_s
         first_ns = stamp_ns if clear.first_ns is None else clear.first_ns
-        if clear.met_s > MET_S and (stamp_ns - first_ns) * 1e-9 < GIVE_UP_S:
-            clear.met_s, clear.first_ns = 0.0, first_ns
+        if (stamp_ns - first_ns) * 1e-9 < GIVE_UP_S:
+            clear.first_ns = first_ns
             target.go_back(stamp_ns, clear.standing, clear.impression)
 
     def _note(self, stamp_ns: int, target: ContourTarget, elapsed_s: float) -> None:

@@ -7,7 +7,7 @@ import copy
 import math
 from enum import Enum, auto
 
-from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.surface import TimeSurface
@@ -24,6 +24,8 @@ CHANGING_PX, TRUST_MIN = 1.0, 0.1
 """A look that is doubted still teaches, by what trust is left, if it finds the target this near to where it should be:
 then it changes, rather than something else being in its place."""
 KNOWN_MIN = 0.3
+HERE_PX = 3.0
+"""A target that is where it is taken to be is no farther off."""
 CONFIDENCE_STEADY = 0.9
 """From where on a look says how the target usually moves; below, one that strays from that is doubted."""
 COVERED_AFTER_S = 0.5
@@ -130,6 +132,11 @@ class Following:
         self.motion = UsualMotion()
         self.settling = SETTLING_LOOKS
         self.confidence, self.unseen_s = confidence, 0.0
+
+    def confidence_as(self, impression: Impression) -> float:
+        """How sure a look is that the target is where it is taken to be, as it looked once, whichever way it moves."""
+        x, y = self._contours.body.predicted(self._surface.stamp_ns)
+        return self.usual.confidence(self._contours.look_at(self._surface, x, y, HERE_PX, impression=impression))
 
     def _look_here(self) -> Look:
         return self._contours.look(self._surface, any_motion=self.settling > 0)

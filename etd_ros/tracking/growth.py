@@ -15,6 +15,7 @@ from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.known_growth import KnownGrowth, error_by_all
 from etd_ros.tracking.measured_rate import MeasuredRate
+from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface, Window
 
 FLOW_MARGIN_PX = 2.0
@@ -135,16 +136,25 @@ def _may_be_own(flow: EdgeFlow, surface: TimeSurface, box: Box, span_s: float) -
     return flow.growing_error <= ERROR_MAX_PER_S and stands_alone(surface, box, span_s)
 
 
-def stands_alone(surface: TimeSurface, box: Box, span_s: float, around_max: float = RING_MAX) -> bool:
+def stands_alone(
+    surface: TimeSurface, box: Box, span_s: float, around_max: float = RING_MAX, others: OtherBoxes | None = None
+) -> bool:
     """Whether there are few events of the last `span_s` round a box: for each pixel at most so many times as many as in
-    it."""
+    it. Those of others are left out, if they are given."""
     own = surface.window(box, 0.0)
     within, wide = (surface.window(box.scaled(RING_SCALE), margin) for margin in (0.0, RING_PX))
     (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
-        (surface.count(window, span_s), _pixels(window)) for window in (own, within, wide)
+        (_events(surface, window, span_s, others), _pixels(window)) for window in (own, within, wide)
     )
     around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
     return around <= around_max * events / max(1, pixels)
+
+
+def _events(surface: TimeSurface, window: Window, span_s: float, others: OtherBoxes | None) -> int:
+    if others is None:
+        return surface.count(window, span_s)
+    points, count = surface.points(window, span_s)
+    return others.leave_out(points, count, surface.stamp_ns)
 
 
 def _pixels(window: Window) -> int:

@@ -46,6 +46,7 @@ class Memories:
         self._maps[:, WEIGHT] = oval(rows, columns, width, height, WEIGHT_FADES)
         outside: Float32Array = np.float32(1) - oval(rows, columns, width, height, OUTSIDE_FADES)
         self.weight: Float32Array = self.usual[WEIGHT]
+        self._outside = outside
         self.cells = CellTrust(self.usual, outside)
         self._seen = np.zeros((2, 2))
         self._kept = self.remembered()
@@ -100,6 +101,13 @@ class Memories:
         """Be as they once were."""
         np.copyto(self._maps, remembered.maps)
         np.copyto(self._seen, remembered.seen)
+
+    def cells_of(self, remembered: Remembered) -> CellTrust:
+        """What looks would be compared with if they were as they once were, and all of the target trusted."""
+        usual, recent, latest = remembered.maps
+        cells = CellTrust(usual, self._outside)
+        cells.weigh(usual, recent, latest, remembered.seen, sees_covers=False)
+        return cells
 
     def _weigh(self, *, sees_covers: bool) -> None:
         self.cells.weigh(self.usual, self._recent, self._latest, self._seen, sees_covers=sees_covers)

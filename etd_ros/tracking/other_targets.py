@@ -7,7 +7,7 @@ both finds what moves both at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -22,6 +22,15 @@ FREE_MIN = 0.4
 left, or one of the boxes has been drawn along to where the other is."""
 
 
+class Place(NamedTuple):
+    """Where a target is: its box (pixels) and velocity (pixels/s), and whether it has events. What stands has none:
+    those in its box are of what passes, unless that stood as well."""
+
+    box: Box
+    velocity: Float64Array
+    has_events: bool
+
+
 class Placed(Protocol):
     """What `OtherTargets` asks of a target."""
 
@@ -32,8 +41,8 @@ class Placed(Protocol):
     def others(self) -> OtherBoxes:
         """The boxes of others near it; they are renewed."""
 
-    def sure_place(self, stamp_ns: int) -> tuple[Box, Float64Array] | None:
-        """Its box at a time (pixels; ns) and velocity (pixels/s), where they are known."""
+    def place(self, stamp_ns: int) -> Place | None:
+        """Where it is at a time (ns), if that is known."""
 
 
 _NONE = np.empty((0, 6))
@@ -84,25 +93,27 @@ class OtherTargets:
             return
         self._checked_ns = stamp_ns
         known: list[Placed] = []
-        moving: list[tuple[float, ...]] = []
+        places: list[Place] = []
         for target in targets:
-            place = target.sure_place(stamp_ns)
+            place = target.place(stamp_ns)
             if place is None:
                 target.others.forget()
             else:
-                box, velocity = place
                 known.append(target)
-                moving.append((*box, *velocity.tolist()))
+                places.append(place)
         if known:
-            _tell(known, np.array(moving), stamp_ns)
+            _tell(known, places, stamp_ns)
 
 
-def _tell(targets: Sequence[Placed], moving: Float64Array, stamp_ns: int) -> None:
+def _tell(targets: Sequence[Placed], places: Sequence[Place], stamp_ns: int) -> None:
     """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
     own is free of them: what two of them have in common counts twice."""
+    moving = np.array([(*place.box, *place.velocity.tolist()) for place in places])
     sizes, common = moving[:, 2:4], shared_sides(moving, moving)
     is_near = common.min(0) > -sizes.max(1)[:, None]
     np.fill_diagonal(is_near, val=False)
+    has_events = np.array([place.has_events for place in places])
+    is_near &= has_events | ~has_events[:, None]
     shared = np.where(is_near, np.maximum(common, 0.0).prod(0), 0.0)
     free = 1.0 - shared.sum(1) / sizes.prod(1)
     for target, are_near, free_share in zip(targets, is_near, free.tolist(), strict=True):

@@ -37,6 +37,7 @@ class SetOff:
 
     def _begin(self, stamp_ns: int) -> None:
         self.contours = Contours(self._box, stamp_ns, self._config)
+        self.contours.own.others = self._known.own.others
         self._start_up = StartUp(self.contours)
 
     def take(self, surface: TimeSurface) -> bool:
@@ -56,4 +57,4 @@ class SetOff:
         right, down = body.velocity.tolist()
         if math.hypot(right, down) == 0 or self._known.known_along((right, down)) > KNOWN_MAX:
             return False
-        return stands_alone(surface, body.box, AROUND_S)
+        return stands_alone(surface, body.box, AROUND_S, others=self.contours.own.others)

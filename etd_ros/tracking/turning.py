@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.body import Body
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_MOVED_PX
@@ -35,6 +36,9 @@ TOO_FAST_SHARE = 0.35
 is as likely."""
 UNKNOWN_RAD_S, CHANGES_RAD_S = 3.0, 4.5
 """How fast a target may turn of which nothing is known, and by how much that wanders within a second."""
+KNOWN_MIN, BEGINS_ERRORS = 0.8, 6.0
+"""A look that would begin a turn is believed by how much more than the first is known of its direction of motion, or
+where the flow turns the same way by so many of its standard errors."""
 
 
 class Turned(NamedTuple):
@@ -116,3 +120,42 @@ class TurningByFlow:
         if flow.turning_rad_s * turning_rad_s > 0:
             more = math.copysign(max(0.0, abs(more) - TOO_FAST_SHARE * abs(flow.turning_rad_s)), more)
         return self._rate.gain(ERRORS * flow.turning_error + ERROR_FLOOR_RAD_S, span_s) * more
+
+
+class BeginningTurn:
+    """How far a look is believed by which a target begins to turn.
+
+    Of a rim only those gradients are known that lie along the motion so far. When the motion turns, the model agrees
+    best if it is turned as far as that, though the target is not. The flow of its edges needs no model.
+    """
+
+    def __init__(self) -> None:
+        self._asked_ns = 0
+        self._seen = 0.0
+
+    def trust(self, surface: TimeSurface, body: Body, speed_px_s: float, turned: float, known: float) -> float:
+        """0 to 1.
+
+        Args:
+            surface: the events.
+            body: the target's.
+            speed_px_s: how fast its edges pass over pixels.
+            turned: what the angle is off by (rad).
+            known: how much of what this direction of motion shows has been seen, 0 to 1.
+        """
+        by_known = min(max((known - KNOWN_MIN) / (1 - KNOWN_MIN), 0.0), 1.0)
+        if by_known == 1:
+            return 1.0
+        if not 0 <= surface.stamp_ns - self._asked_ns < MEASURE_S * 1e9:
+            self._asked_ns = surface.stamp_ns
+            self._seen = self._flow_turns(surface, body, speed_px_s)
+        return 1.0 if self._seen * turned > 0 else by_known
+
+    def _flow_turns(self, surface: TimeSurface, body: Body, speed_px_s: float) -> float:
+        """How fast (rad/s), 0 where the flow may as well not turn."""
+        span_s = min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
+        x, y = body.pose[:2].tolist()
+        flow = surface.flow(surface.window(body.box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)
+        if flow is None or abs(flow.turning_rad_s) < BEGINS_ERRORS * flow.turning_error:
+            return 0.0
+        return flow.turning_rad_s

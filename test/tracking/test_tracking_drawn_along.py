@@ -11,7 +11,7 @@ from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.body import Standing
-from etd_ros.tracking.drawn_along import GIVE_UP_S, MET_S, DrawnAlong
+from etd_ros.tracking.drawn_along import GIVE_UP_S, MET_S, SEEN_MIN, SEEN_SHARE, DrawnAlong
 
 STEP_S = 0.01
 
@@ -61,6 +61,10 @@ class Walker:
         self.stamp_ns = self.followed_since_ns = START_NS
         self.impression = f"{name} at first"
         self.went_back = []
+        self.seen_as = {}
+
+    def confidence_as(self, impression):
+        return self.seen_as.get(impression, 0.2 if impression != self.impression else 1.0)
 
     @property
     def last_box(self):
@@ -101,7 +105,7 @@ def met():
     return walk, hidden, other
 
 
-def test_the_one_that_changed_its_motion_goes_back_to_where_and_what_it_was_when_it_was_clear():
+def test_the_one_that_looks_otherwise_now_goes_back_to_where_and_what_it_was_when_it_was_clear():
     walk, hidden, other = met()
     clear_ns = walk.stamp_ns
     walk.go(MET_S)
@@ -114,6 +118,22 @@ def test_the_one_that_changed_its_motion_goes_back_to_where_and_what_it_was_when
     assert standing.velocity[0] == pytest.approx(60.0)
     assert impression == "hidden at first"
     assert not other.went_back
+
+
+def test_the_one_that_changed_its_motion_stays_where_it_is_the_other_that_looks_otherwise():
+    walk, hidden, other = met()
+    hidden.seen_as["hidden at first"], other.seen_as["other at first"] = 1.0, 0.5
+    walk.go(2 * MET_S)
+    assert other.went_back
+    assert not hidden.went_back
+
+
+@pytest.mark.parametrize("seen", [(SEEN_MIN, 1.0), (0.5, 0.5 / SEEN_SHARE)], ids=["both are seen", "as well"])
+def test_two_that_are_seen_as_they_looked_when_they_were_clear_are_left_alone(seen):
+    walk, hidden, other = met()
+    hidden.seen_as["hidden at first"], other.seen_as["other at first"] = seen
+    walk.go(0.5)
+    assert not hidden.went_back + other.went_back
 
 
 def test_two_that_walk_together_from_the_start_are_left_alone():
@@ -153,6 +173,7 @@ def test_what_was_given_up_counts_anew_once_it_has_been_clear_of_the_other():
     hidden.x, hidden.speed_px_s = other.x - 80.0, 60.0
     walk.go(0.3)
     hidden.x, hidden.speed_px_s = other.x, other.speed_px_s
+    hidden.impression = "hidden as the other one again"
     walk.go(2 * MET_S)
     assert len(hidden.went_back) > gone_back
 

@@ -89,3 +89,12 @@ def test_what_changes_on_one_side_covers_the_target_until_all_of_it_is_trusted_a
     assert memories.cells.covered > 0.5
     memories.uncover()
     assert memories.cells.covered == 0
+
+
+def test_what_looks_would_be_compared_with_is_of_what_was_remembered_then(memories):
+    then = memories.remembered()
+    before = memories.cells.trusted.copy()
+    memories.learn(drawn_at(17), TO_THE_RIGHT, 0.5, 1.0, sees_covers=False)
+    cells = memories.cells_of(then)
+    np.testing.assert_allclose(cells.trusted[GRADIENT_X], before[GRADIENT_X])
+    assert not np.allclose(memories.cells.trusted[GRADIENT_X], before[GRADIENT_X])

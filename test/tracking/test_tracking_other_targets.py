@@ -12,7 +12,7 @@ from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker
 from etd_ros.tracking.contour_kernels import AGE, X, Y
 from etd_ros.tracking.look import Look
-from etd_ros.tracking.other_targets import CHECK_S, FREE_MIN, OtherBoxes, OtherTargets, keep_outside
+from etd_ros.tracking.other_targets import CHECK_S, FREE_MIN, OtherBoxes, OtherTargets, Place, keep_outside
 
 OWN = Box(100.0, 100.0, 40.0, 20.0)
 
@@ -22,13 +22,13 @@ class Placed:
 
     def __init__(self, box, velocity=(0.0, 0.0)):
         self.box, self.velocity, self.others = box, np.array(velocity), OtherBoxes()
-        self.is_beginning = False
+        self.is_beginning, self.has_events = False, True
 
     def begins(self, _stamp_ns):
         return self.is_beginning
 
-    def sure_place(self, _stamp_ns):
-        return None if self.box is None else (self.box, self.velocity)
+    def place(self, _stamp_ns):
+        return None if self.box is None else Place(self.box, self.velocity, self.has_events)
 
 
 def noted(*boxes, velocities=None, own=OWN):
@@ -107,6 +107,21 @@ def test_targets_are_told_where_the_others_are_and_not_where_they_are_themselves
     OtherTargets().take(START_NS, (one, unknown, other))
     assert one.others.free == other.others.free == pytest.approx(0.75)
     assert unknown.others.free == 1
+
+
+def test_who_stands_is_told_of_the_others_and_nothing_to_them():
+    passing, standing = Placed(OWN), Placed(Box(130.0, 100.0, 40.0, 20.0))
+    standing.has_events = False
+    OtherTargets().take(START_NS, (passing, standing))
+    assert standing.others.free == pytest.approx(0.75)
+    assert passing.others.leave_out(points_at((135, 110)), 1, START_NS) == 1
+
+
+def test_who_stands_is_told_of_the_others_that_stand():
+    one, other = Placed(OWN), Placed(Box(130.0, 100.0, 40.0, 20.0))
+    one.has_events = other.has_events = False
+    OtherTargets().take(START_NS, (one, other))
+    assert one.others.free == other.others.free == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize("begins", [False, True])

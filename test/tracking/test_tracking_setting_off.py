@@ -93,6 +93,22 @@ def test_what_passes_before_a_target_that_stands_is_not_the_target_that_sets_off
     assert min(overlap(report, truth) for report, truth in standing) > 0.7
 
 
+def test_what_stood_sets_off_while_another_target_passes_beside_it():
+    beside = Sprite(
+        "beside",
+        checks(np.random.default_rng(3), 24, 24, cell=6),
+        np.ones((24, 24)),
+        Path.of(lambda t: (174 + 0 * t, 20 + 120 * t), UNTIL_S),
+    )
+    scene = stopping(beside)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    for name in scene.targets:
+        tracker.start(name, scene.box(name, 0.0), START_NS)
+    for frame in frames_of(scene):
+        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    assert min(overlap(report, scene.box(report.name, UNTIL_S)) for report in reports) > 0.8
+
+
 def test_the_score_of_what_stands_fades_and_is_back_when_it_moves():
     scene = resting(duration_s=1.4)
     found = [(time_s, report.score) for time_s, report, _ in tracked(scene, start_s=0.05)]

@@ -4,15 +4,26 @@ import math
 
 import numpy as np
 import pytest
-from tracked_scenes import overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.simulation import Scene, Sprite, Waypoint
-from etd_ros.simulation.things import dartboard
-from etd_ros.tracking import ContourConfig, TargetState, contours
+from etd_ros.simulation import Path, Scene, Sprite, Waypoint
+from etd_ros.simulation.things import ball, dartboard
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contours
+from etd_ros.tracking.body import Body
+from etd_ros.tracking.contour_kernels import ANGLE
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import START_MOVED_PX
-from etd_ros.tracking.turning import ERROR_MAX_RAD_S, MEASURE_S, Turned, TurningByFlow, turning_at_start
+from etd_ros.tracking.turning import (
+    BEGINS_ERRORS,
+    ERROR_MAX_RAD_S,
+    KNOWN_MIN,
+    MEASURE_S,
+    BeginningTurn,
+    Turned,
+    TurningByFlow,
+    turning_at_start,
+)
 from etd_ros.tracking.turning_trial import TurningTrial
 
 DURATION_S = 0.8
@@ -162,3 +173,53 @@ def test_a_rate_is_measured_now_and_then():
     filtered = TurningByFlow()
     assert correction(flows(-3.0), 3.0, filtered) != 0.0
     assert correction(flows(-3.0), 3.0, filtered) == 0.0
+
+
+def trust_in(turned, seen=None, known=KNOWN_MIN):
+    return BeginningTurn().trust(FlowingSurface(seen), Body(BOX, 0), 50.0, turned, known)
+
+
+@pytest.mark.parametrize(
+    ("known", "trust"), [(0.0, 0.0), (KNOWN_MIN, 0.0), (1 - (1 - KNOWN_MIN) / 4, 0.75), (1.1, 1.0)]
+)
+def test_a_look_begins_a_turn_by_how_well_the_direction_of_motion_is_known(known, trust):
+    assert trust_in(0.1, known=known) == pytest.approx(trust)
+
+
+def test_a_look_begins_a_turn_that_the_flow_sees_as_well():
+    seen = flows(0.1 * BEGINS_ERRORS + 0.01)
+    assert trust_in(0.1, seen) == 1.0
+    assert trust_in(-0.1, seen) == 0.0
+
+
+@pytest.mark.parametrize("seen", [flows(0.1 * BEGINS_ERRORS - 0.01), None], ids=["unsure", "few edges"])
+def test_other_flows_begin_no_turn(seen):
+    assert trust_in(0.1, seen) == 0.0
+
+
+def test_the_flow_is_asked_whether_a_turn_begins_now_and_then():
+    beginning = BeginningTurn()
+    assert beginning.trust(FlowingSurface(flows(3.0)), Body(BOX, 0), 50.0, 0.1, 0.0) == 1.0
+    assert beginning.trust(FlowingSurface(None), Body(BOX, 0), 50.0, 0.1, 0.0) == 1.0
+
+
+def test_what_goes_round_without_turning_does_not_begin_to_turn(monkeypatch):
+    def way(t):
+        return X + 70 * np.cos(1.5 * t), Y + 40 * np.sin(1.5 * t)
+
+    duration_s = 2.0
+    thing = Sprite("thing", *ball(np.random.default_rng(5), 36), Path.of(way, duration_s))
+    scene = Scene(WIDTH, HEIGHT, duration_s, scene_of(Waypoint(0, X, Y)).background, (thing,))
+
+    def turned_rad():
+        tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+        tracker.start("thing", scene.box("thing", 0.0), START_NS)
+        angles = []
+        for frame in frames_of(scene):
+            tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+            angles.append(abs(tracker.targets["thing"].standing.pose[ANGLE]))
+        return max(angles)
+
+    found = turned_rad()
+    monkeypatch.setattr(BeginningTurn, "trust", lambda *_: 1.0)
+    assert found < 0.5 * turned_rad()
