@@ -25,7 +25,7 @@ from etd_ros.simulation.backgrounds import BACKGROUNDS
 from etd_ros.simulation.photographs import photograph
 from etd_ros.simulation.steps import step_times_us
 from etd_ros.simulation.textures import BRIGHT, DARK
-from etd_ros.simulation.things import KINDS
+from etd_ros.simulation.things import KINDS, rim_seen
 
 
 def event_bytes(sequence) -> bytes:
@@ -179,3 +179,14 @@ def test_unknown_names_are_refused_with_the_known_ones():
         sequence_named("moon")
     with pytest.raises(SimulationError, match="unknown 'moon' in a recipe: choose one of wall"):
         Recipe(("ball",), "moon")
+
+
+def test_the_rim_of_a_thing_is_seen_where_it_is_brighter_or_darker_than_the_ground():
+    texture = np.full((20, 20), 0.5)
+    texture[:, :10] = 1.0
+    opacity = np.ones((20, 20))
+    assert rim_seen((texture, opacity), np.log(0.5), 0.3) == pytest.approx(0.5)
+    assert rim_seen((texture, opacity), np.log(0.7), 0.3) == 1.0
+    assert rim_seen((texture, opacity), np.log(0.7), 0.4) == 0.0
+    texture[5:15, 5:15] = 0.1
+    assert rim_seen((texture, opacity), np.log(0.7), 0.4) == 0.0
