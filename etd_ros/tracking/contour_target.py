@@ -202,9 +202,9 @@ class ContourTarget:
         """What it looks like now."""
         return self._contours.impression()
 
-    def confidence_as(self, impression: Impression) -> float:
-        """How surely it is seen where it is taken to be, as it looked once."""
-        return self._following.confidence_as(impression)
+    def confidence_as(self, impression: Impression, place: Standing) -> float:
+        """How surely it is seen at a place, as it looked once."""
+        return self._following.confidence_as(impression, *place.predicted(self._surface.stamp_ns))
 
     def go_back(self, stamp_ns: int, standing: Standing, impression: Impression) -> None:
         """Something else has drawn it along since it stood there and looked so: look for it from there on."""

@@ -101,18 +101,29 @@ class DrawnAlong:
         return passing_px_s > PASSING_PX_S and now_px_s <= ALIKE_SHARE * passing_px_s
 
     def _doubt(self, stamp_ns: int, pair: tuple[ContourTarget, ContourTarget], elapsed_s: float) -> None:
-        """They have moved as one for this time more. If that is long enough, the one that is seen less as it looked
-        when it was clear goes back, unless both are seen."""
+        """They have moved as one for this time more; the one that was drawn along goes back if that is long enough."""
         for target in pair:
             self._clear[target.name].met_s += elapsed_s
         if min(self._clear[target.name].met_s for target in pair) <= MET_S:
             return
         for target in pair:
             self._clear[target.name].met_s = 0.0
-        seen = [target.confidence_as(self._clear[target.name].impression) for target in pair]
-        least, most = sorted(seen)
-        if least < min(SEEN_MIN, SEEN_SHARE * most):
-            self._send_back(stamp_ns, pair[seen.index(least)])
+        drawn = self._drawn(*sorted(pair, key=self._changed_px_s))
+        if drawn is not None:
+            self._send_back(stamp_ns, drawn)
+
+    def _changed_px_s(self, target: ContourTarget) -> float:
+        """By how much it has changed its motion since it was clear."""
+        return _apart(self._clear[target.name].standing.velocity, target.standing.velocity)
+
+    def _drawn(self, steady: ContourTarget, changed: ContourTarget) -> ContourTarget | None:
+        """Of two, the second of which has changed its motion more, the one that is seen less as it looked when it was
+        clear. Where both are seen, that tells nothing if they look alike: then it is the second, otherwise neither."""
+        (one, other), place = (self._clear[target.name].impression for target in (steady, changed)), changed.standing
+        seen = steady.confidence_as(one, steady.standing), changed.confidence_as(other, place)
+        if min(seen) < min(SEEN_MIN, SEEN_SHARE * max(seen)):
+            return steady if seen[0] < seen[1] else changed
+        return changed if steady.confidence_as(one, place) >= SEEN_MIN else None
 
     def _send_back(self, stamp_ns: int, target: ContourTarget) -> None:
         """It is to be where it was clear, unless it has been sent there for long enough."""

@@ -133,9 +133,8 @@ class Following:
         self.settling = SETTLING_LOOKS
         self.confidence, self.unseen_s = confidence, 0.0
 
-    def confidence_as(self, impression: Impression) -> float:
-        """How sure a look is that the target is where it is taken to be, as it looked once, whichever way it moves."""
-        x, y = self._contours.body.predicted(self._surface.stamp_ns)
+    def confidence_as(self, impression: Impression, x: float, y: float) -> float:
+        """How sure a look is that the target is at a place (pixels), as it looked once, whichever way it moves."""
         return self.usual.confidence(self._contours.look_at(self._surface, x, y, HERE_PX, impression=impression))
 
     def _look_here(self) -> Look:

@@ -52,18 +52,26 @@ def test_the_target_that_another_one_hides_while_they_pass_is_found_on_its_own_w
 
 
 class Walker:
-    """What is followed at a place, with a velocity along a row."""
+    """What is followed at a place, with a velocity along a row.
 
-    def __init__(self, name, x, speed_px_s):
+    Attributes:
+        seen_as: how surely it is seen where it is, by what it looked like; else 1.0 as it looks now, .2 otherwise.
+        seen_elsewhere: how surely it is seen where it is not.
+    """
+
+    def __init__(self, name, x, speed_px_s, y=65.0):
         self.name = name
-        self.x, self.speed_px_s = x, speed_px_s
+        self.x, self.y, self.speed_px_s = x, y, speed_px_s
         self.is_followed = self.is_sure = True
         self.stamp_ns = self.followed_since_ns = START_NS
         self.impression = f"{name} at first"
         self.went_back = []
         self.seen_as = {}
+        self.seen_elsewhere = 0.2
 
-    def confidence_as(self, impression):
+    def confidence_as(self, impression, place):
+        if place.pose[1] != self.y:
+            return self.seen_elsewhere
         return self.seen_as.get(impression, 0.2 if impression != self.impression else 1.0)
 
     @property
@@ -72,7 +80,7 @@ class Walker:
 
     @property
     def standing(self):
-        return Standing(self.stamp_ns, np.array([self.x, 65.0, 1.0, 0.0]), np.array([self.speed_px_s, 0.0]))
+        return Standing(self.stamp_ns, np.array([self.x, self.y, 1.0, 0.0]), np.array([self.speed_px_s, 0.0]))
 
     def go_back(self, stamp_ns, standing, impression):
         self.went_back.append((stamp_ns, standing, impression))
@@ -97,7 +105,7 @@ class Walk:
 
 def met():
     """Two that have been clear of each other, and that meet now: `hidden` moves as the other one does from here on."""
-    hidden, other = Walker("hidden", 50.0, 60.0), Walker("other", 120.0, -60.0)
+    hidden, other = Walker("hidden", 50.0, 60.0), Walker("other", 120.0, -60.0, y=66.0)
     walk = Walk(hidden, other)
     walk.go(0.3)
     hidden.x, hidden.speed_px_s = other.x, other.speed_px_s
@@ -134,6 +142,14 @@ def test_two_that_are_seen_as_they_looked_when_they_were_clear_are_left_alone(se
     hidden.seen_as["hidden at first"], other.seen_as["other at first"] = seen
     walk.go(0.5)
     assert not hidden.went_back + other.went_back
+
+
+def test_of_two_that_look_alike_the_one_that_changed_its_motion_goes_back():
+    walk, hidden, other = met()
+    hidden.seen_as["hidden at first"] = other.seen_as["other at first"] = other.seen_elsewhere = 1.0
+    walk.go(2 * MET_S)
+    assert hidden.went_back
+    assert not other.went_back
 
 
 def test_two_that_walk_together_from_the_start_are_left_alone():
