@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from etd_ros.boxes import Box
+from etd_ros.recovery.interface import Found
 from etd_ros.tracking.arrivals import Side, side_of
 from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.box_refinement import BoxRefinement, Corrector
@@ -22,7 +23,7 @@ from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
-from etd_ros.tracking.drift_watch import Turns
+from etd_ros.tracking.drift_watch import ELSEWHERE_IOU, Turns
 from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
@@ -390,9 +391,7 @@ class ContourTarget:
             return
         search.coast()
         search.keep()
-        answer = None
-        if image is not None and self._held is None:
-            answer = self._images.found(stamp_ns, image, self._state, self.last_box)
+        answer = self._found_on_image(stamp_ns, image)
         if answer is not None:
             self._body.pose[:2] = answer.box.center
             self._contours.stop()
@@ -402,6 +401,18 @@ class ContourTarget:
             self._go_on(answer.score, is_unsettled=True)
         else:
             self._go_on(CONFIDENCE_FOUND, is_unsettled=search.is_unsettled)
+
+    def _found_on_image(self, stamp_ns: int, image: FrameData | None) -> Found | None:
+        """Where the images show it. What is held is looked for once something has moved there: that may have been it,
+        if it is seen elsewhere now."""
+        if image is None or (self._held is not None and not self._set_off.is_disturbed):
+            return None
+        last_box = self.last_box if self._held is None else self._held.box
+        answer = self._images.found(stamp_ns, image, self._state, last_box)
+        if answer is not None and self._held is not None and answer.box.iou(self._held.box) >= ELSEWHERE_IOU:
+            self._set_off.is_disturbed = False
+            return None
+        return answer
 
     def _start_again(self, contours: Contours, stamp_ns: int) -> None:
         """It has set off from where it stood, and looks as it does on its way now."""

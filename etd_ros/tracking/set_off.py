@@ -29,10 +29,12 @@ class SetOff:
 
     Attributes:
         contours: those that it has once it has set off.
+        is_disturbed: whether something has moved there since that was not taken for it.
     """
 
     def __init__(self, known: Contours, box: Box, stamp_ns: int, config: ContourConfig) -> None:
         self._known, self._box, self._config = known, box, config
+        self.is_disturbed = False
         self._begin(stamp_ns)
 
     def _begin(self, stamp_ns: int) -> None:
@@ -48,6 +50,7 @@ class SetOff:
         if self._is_it(surface):
             return True
         self._begin(surface.stamp_ns)
+        self.is_disturbed = True
         return False
 
     def _is_it(self, surface: TimeSurface) -> bool:

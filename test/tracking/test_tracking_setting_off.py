@@ -6,6 +6,7 @@ import pytest
 from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
+from etd_ros.recovery import Found
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
@@ -53,7 +54,7 @@ def test_a_box_that_comes_late_starts_what_has_moved_on_from_it(speed_px_s, late
     assert overlap(reports[0], scene.box("thing", time_s)) > 0.75
 
 
-STOPS_S, LEAVES_S, UNTIL_S = 0.1, 0.7, 1.2
+STOPS_S, PASSES_S, LEAVES_S, UNTIL_S = 0.1, 0.2, 0.7, 1.2
 
 
 def stopping(*cover):
@@ -79,18 +80,57 @@ def test_what_stood_and_sets_off_another_way_is_followed_though_its_model_knows_
     assert overlap(report, truth) < 0.1
 
 
+def passing():
+    """A smaller square that passes before it while it stands."""
+
+    def way(t):
+        return 20 + 500 * np.clip(t - PASSES_S, 0, None), 74 + 0 * t
+
+    surface = checks(np.random.default_rng(3), 24, 24, cell=6)
+    return Sprite("passing", surface, np.ones((24, 24)), Path.of(way, UNTIL_S), is_target=False)
+
+
 def test_what_passes_before_a_target_that_stands_is_not_the_target_that_sets_off():
-    passing = Sprite(
-        "passing",
-        checks(np.random.default_rng(3), 24, 24, cell=6),
-        np.ones((24, 24)),
-        Path.of(lambda t: (20 + 500 * np.clip(t - 0.2, 0, None), 74 + 0 * t), UNTIL_S),
-        is_target=False,
-    )
-    scene = stopping(passing)
+    scene = stopping(passing())
     standing = [(report, truth) for time_s, report, truth in tracked(scene) if time_s < LEAVES_S]
     assert {report.state for report, _ in standing} == {TargetState.TRACKING}
     assert min(overlap(report, truth) for report, truth in standing) > 0.7
+
+
+class Recovery:
+    """Sees a target in a box on every image that it is asked about, and notes when that was."""
+
+    has_lead = False
+
+    def __init__(self, seen):
+        self.seen, self.time_s, self.asked_at_s = seen, 0.0, []
+
+    def watch(self):
+        return None
+
+    def remember(self, image, box):
+        pass
+
+    def look_wider(self):
+        pass
+
+    def search(self, image, last_box):
+        self.asked_at_s.append(self.time_s)
+        return Found(self.seen, 0.9)
+
+
+@pytest.mark.parametrize("seen", [Box(122, 60, 36, 36), Box(20, 120, 36, 36)], ids=["where it stands", "elsewhere"])
+def test_what_stands_is_looked_for_on_images_once_something_has_moved_there(seen):
+    scene, recovery, image = stopping(passing()), Recovery(seen), np.zeros((HEIGHT, WIDTH), np.uint8)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0), recovery_factory=lambda: recovery)
+    tracker.start("thing", scene.box("thing", 0.0), START_NS)
+    for frame in frames_of(scene):
+        recovery.time_s = (frame.stamp_ns - START_NS) * 1e-9
+        if recovery.time_s < LEAVES_S:
+            (report,) = tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
+    assert min(recovery.asked_at_s) > PASSES_S
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, seen) > 0.6
 
 
 def test_what_stood_sets_off_while_another_target_passes_beside_it():
