@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracked_scenes import START_NS, frames_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.benchmarking.live_scene import TURN_US, LiveScene
 from etd_ros.engine import track
@@ -15,12 +15,11 @@ from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint, sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import TargetState, contour_search, drift_watch, expected_place
+from etd_ros.tracking import MultiTracker, TargetState, contour_search, drift_watch, expected_place
+from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import ContourSearch
-from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
-from etd_ros.tracking.surface import TimeSurface
 
 CONTOURS = ContourConfig(refine_gain=0.0)
 CONTOURS_ALONE = Settings(contours=CONTOURS, recovery=RecoveryConfig(network_agreeing=100, watch_score_min=1.0))
@@ -114,22 +113,20 @@ def test_the_network_finds_what_comes_back_where_contours_do_not(monkeypatch):
     assert mean_overlap("return", (28,), Settings(contours=CONTOURS)) > mean_overlap("return", (28,)) + 0.1
 
 
-def test_a_target_whose_box_was_drawn_over_the_border_has_not_left(monkeypatch):
-    states = []
-    fail = ContourTarget._fail
-
-    def noted(self, *args, **kwargs):
-        fail(self, *args, **kwargs)
-        if self.name == "irregular_1":  # the first target; what the other one follows may leave
-            states.append(self.state)
-
-    monkeypatch.setattr(ContourTarget, "_fail", noted)
-    found = mean_overlap("panel", (232,))
-    assert TargetState.RECOVERING in states
-    assert TargetState.LOST not in states
-    monkeypatch.setattr(TimeSurface, "inside_px", lambda self, box: -1.0)
-    assert mean_overlap("panel", (232,)) < found - 0.1
-    assert TargetState.LOST in states
+@pytest.mark.parametrize(("leaves_at_px_s", "state"), [(-200.0, TargetState.LOST), (0.0, TargetState.RECOVERING)])
+def test_a_target_whose_box_was_drawn_over_the_border_has_left_if_its_own_motion_brings_it_there(leaves_at_px_s, state):
+    scene = scene_of(Waypoint(0, 60, 90), Waypoint(0.3, 100, 90), duration_s=0.3)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=CONTOURS)
+    tracker.start("thing", scene.box("thing", 0.0), START_NS)
+    for frame in frames_of(scene):
+        tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    target, before_ns = tracker.targets["thing"], frame.stamp_ns - 100_000_000
+    at_the_border = np.array([19.0, 90.0, 1.0, 0.0])
+    target._body.pose[0] = -1.0
+    target.go_back(
+        frame.stamp_ns, Standing(before_ns, at_the_border, np.array([leaves_at_px_s, 0.0])), target.impression
+    )
+    assert target.state is state
 
 
 def overlap_after_gap(first, count):
