@@ -405,11 +405,12 @@ class ContourTarget:
     def _found_on_image(self, stamp_ns: int, image: FrameData | None) -> Found | None:
         """Where the images show it. What is held is looked for once something has moved there: that may have been it,
         if it is seen elsewhere now."""
-        if image is None or (self._held is not None and not self._set_off.is_disturbed):
+        if self._held is None:
+            return self._images.found(stamp_ns, image, self._state, self.last_box)
+        if not self._set_off.is_disturbed:
             return None
-        last_box = self.last_box if self._held is None else self._held.box
-        answer = self._images.found(stamp_ns, image, self._state, last_box)
-        if answer is not None and self._held is not None and answer.box.iou(self._held.box) >= ELSEWHERE_IOU:
+        answer = self._images.found(stamp_ns, image, self._state, self._held.box)
+        if answer is not None and answer.box.iou(self._held.box) >= ELSEWHERE_IOU:
             self._set_off.is_disturbed = False
             return None
         return answer

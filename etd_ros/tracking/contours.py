@@ -356,7 +356,7 @@ class Contours:
         if config.scale_gain == 0 and config.angle_gain == 0:
             return
         too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
-        if self.body.turning.per_s == 0:
+        if config.angle_gain > 0 and self.body.turning.per_s == 0:
             turned *= self._beginning.trust(surface, self.body, self.sweep_px_s, turned, self.known)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.

@@ -102,12 +102,12 @@ class DrawnAlong:
 
     def _doubt(self, stamp_ns: int, pair: tuple[ContourTarget, ContourTarget], elapsed_s: float) -> None:
         """They have moved as one for this time more; the one that was drawn along goes back if that is long enough."""
-        for target in pair:
-            self._clear[target.name].met_s += elapsed_s
-        if min(self._clear[target.name].met_s for target in pair) <= MET_S:
+        one, other = (self._clear[target.name] for target in pair)
+        one.met_s += elapsed_s
+        other.met_s += elapsed_s
+        if min(one.met_s, other.met_s) <= MET_S:
             return
-        for target in pair:
-            self._clear[target.name].met_s = 0.0
+        one.met_s = other.met_s = 0.0
         drawn = self._drawn(*sorted(pair, key=self._changed_px_s))
         if drawn is not None:
             self._send_back(stamp_ns, drawn)
@@ -119,11 +119,13 @@ class DrawnAlong:
     def _drawn(self, steady: ContourTarget, changed: ContourTarget) -> ContourTarget | None:
         """Of two, the second of which has changed its motion more, the one that is seen less as it looked when it was
         clear. Where both are seen, that tells nothing if they look alike: then it is the second, otherwise neither."""
-        (one, other), place = (self._clear[target.name].impression for target in (steady, changed)), changed.standing
-        seen = steady.confidence_as(one, steady.standing), changed.confidence_as(other, place)
-        if min(seen) < min(SEEN_MIN, SEEN_SHARE * max(seen)):
-            return steady if seen[0] < seen[1] else changed
-        return changed if steady.confidence_as(one, place) >= SEEN_MIN else None
+        looked, other_looked = (self._clear[target.name].impression for target in (steady, changed))
+        seen = steady.confidence_as(looked, steady.standing)
+        other_seen = changed.confidence_as(other_looked, changed.standing)
+        if min(seen, other_seen) < min(SEEN_MIN, SEEN_SHARE * max(seen, other_seen)):
+            return steady if seen < other_seen else changed
+        look_alike = steady.confidence_as(looked, changed.standing) >= SEEN_MIN
+        return changed if look_alike else None
 
     def _send_back(self, stamp_ns: int, target: ContourTarget) -> None:
         """It is to be where it was clear, unless it has been sent there for long enough."""

@@ -111,9 +111,8 @@ class TurningByFlow:
         """
         if not self._rate.is_due(surface.stamp_ns):
             return 0.0
-        span_s = min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
-        x, y = place.tolist()
-        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)
+        span_s = _span_s(speed_px_s)
+        flow = _turning_flow(surface, box, place, span_s)
         if flow is None or flow.turning_error > ERROR_MAX_RAD_S:
             return 0.0
         more = flow.turning_rad_s - turning_rad_s
@@ -153,9 +152,18 @@ class BeginningTurn:
 
     def _flow_turns(self, surface: TimeSurface, body: Body, speed_px_s: float) -> float:
         """How fast (rad/s), 0 where the flow may as well not turn."""
-        span_s = min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
-        x, y = body.pose[:2].tolist()
-        flow = surface.flow(surface.window(body.box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)
+        flow = _turning_flow(surface, body.box, body.pose[:2], _span_s(speed_px_s))
         if flow is None or abs(flow.turning_rad_s) < BEGINS_ERRORS * flow.turning_error:
             return 0.0
         return flow.turning_rad_s
+
+
+def _span_s(speed_px_s: float) -> float:
+    """The time of a flow (s) of what passes over pixels so fast."""
+    return min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
+
+
+def _turning_flow(surface: TimeSurface, box: Box, place: Float64Array, span_s: float) -> EdgeFlow | None:
+    """How the edges in a box have turned round a place (pixels) in the last `span_s`."""
+    x, y = place.tolist()
+    return surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)

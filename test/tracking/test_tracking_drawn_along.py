@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap
+from tracked_scenes import HEIGHT, START_NS, WIDTH, all_at_the_end, frames_of
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
@@ -29,24 +29,13 @@ def crossing(speed_px_s, other_px_s, duration_s):
     return Scene(WIDTH, HEIGHT, duration_s, wall, tuple(sprites))
 
 
-def at_the_end(scene, frames):
-    """The overlap of each target, by contours alone."""
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
-    for name in ("back", "front"):
-        tracker.start(name, scene.box(name, 0.0), START_NS)
-    for frame in frames:
-        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
-    time_s = (frames[-1].stamp_ns - START_NS) * 1e-9
-    return {report.name: overlap(report, scene.box(report.name, time_s)) for report in reports}
-
-
 @pytest.mark.parametrize(("speed_px_s", "other_px_s"), [(100.0, -100.0), (120.0, -40.0)])
 def test_the_target_that_another_one_hides_while_they_pass_is_found_on_its_own_way(monkeypatch, speed_px_s, other_px_s):
     scene = crossing(speed_px_s, other_px_s, 150 / abs(speed_px_s - other_px_s))
     frames = frames_of(scene)
-    assert min(at_the_end(scene, frames).values()) > 0.85
+    assert min(all_at_the_end(scene, frames).values()) > 0.85
     monkeypatch.setattr(DrawnAlong, "take", lambda *_: None)
-    drawn = at_the_end(scene, frames)
+    drawn = all_at_the_end(scene, frames)
     assert drawn["front"] > 0.85
     assert drawn["back"] < 0.1
 

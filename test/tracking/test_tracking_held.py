@@ -6,7 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, events_of, frames_from, overlap, scene_of, tracked
+from tracked_scenes import (
+    HEIGHT,
+    START_NS,
+    WIDTH,
+    ForgetfulRecovery,
+    events_of,
+    frames_from,
+    overlap,
+    scene_of,
+    tracked,
+)
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
@@ -103,25 +113,14 @@ def test_only_what_moves_by_eight_times_its_size_in_a_second_moves_on():
     assert moving_on(body, START_NS + 10_000_000) == (Box(50, 52, 20, 20), 0.0, 200.0)
 
 
-class Watching:
+class Watching(ForgetfulRecovery):
     """Recovery that sees on images where a square is, and is asked where one that is followed may be elsewhere."""
-
-    has_lead = False
 
     def __init__(self, scene):
         self.scene, self.time_s = scene, 0.0
 
     def watch(self):
         return self
-
-    def remember(self, image, box):
-        pass
-
-    def forget_lately(self):
-        pass
-
-    def look_wider(self):
-        pass
 
     def search(self, image, last_box):
         return Found(self.scene.box("thing", self.time_s), 0.9)

@@ -3,7 +3,17 @@ and what stopped on its way."""
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
+from tracked_scenes import (
+    HEIGHT,
+    START_NS,
+    WIDTH,
+    ForgetfulRecovery,
+    all_at_the_end,
+    frames_of,
+    overlap,
+    scene_of,
+    tracked,
+)
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
@@ -97,22 +107,11 @@ def test_what_passes_before_a_target_that_stands_is_not_the_target_that_sets_off
     assert min(overlap(report, truth) for report, truth in standing) > 0.7
 
 
-class Recovery:
+class Recovery(ForgetfulRecovery):
     """Sees a target in a box on every image that it is asked about, and notes when that was."""
-
-    has_lead = False
 
     def __init__(self, seen):
         self.seen, self.time_s, self.asked_at_s = seen, 0.0, []
-
-    def watch(self):
-        return None
-
-    def remember(self, image, box):
-        pass
-
-    def look_wider(self):
-        pass
 
     def search(self, image, last_box):
         self.asked_at_s.append(self.time_s)
@@ -141,12 +140,7 @@ def test_what_stood_sets_off_while_another_target_passes_beside_it():
         Path.of(lambda t: (174 + 0 * t, 20 + 120 * t), UNTIL_S),
     )
     scene = stopping(beside)
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
-    for name in scene.targets:
-        tracker.start(name, scene.box(name, 0.0), START_NS)
-    for frame in frames_of(scene):
-        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
-    assert min(overlap(report, scene.box(report.name, UNTIL_S)) for report in reports) > 0.8
+    assert min(all_at_the_end(scene, frames_of(scene)).values()) > 0.8
 
 
 def test_the_score_of_what_stands_fades_and_is_back_when_it_moves():

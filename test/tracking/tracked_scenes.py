@@ -65,5 +65,34 @@ def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), f
     return found
 
 
+def all_at_the_end(scene, frames):
+    """The overlap of each target at the end of the frames, by name, by contours alone."""
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    for name in scene.targets:
+        tracker.start(name, scene.box(name, 0.0), START_NS)
+    for frame in frames:
+        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    time_s = (frames[-1].stamp_ns - START_NS) * 1e-9
+    return {report.name: overlap(report, scene.box(report.name, time_s)) for report in reports}
+
+
+class ForgetfulRecovery:
+    """The part of a recovery tracker that tests of what it sees do not ask about: nothing is remembered."""
+
+    has_lead = False
+
+    def watch(self):
+        return None
+
+    def remember(self, image, box):
+        pass
+
+    def forget_lately(self):
+        pass
+
+    def look_wider(self):
+        pass
+
+
 def overlap(report, truth):
     return 0.0 if report.box is None else float(iou(np.array([report.box]), truth)[0])
