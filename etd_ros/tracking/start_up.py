@@ -151,7 +151,7 @@ class StartUp:
         moved = math.hypot(body.speed_px_s, *self._outline_px_s()) * time_s
         is_over = (
             (self._collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
-            or moved >= MOTION_MAX_PX
+            or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px))
             or time_s >= TIME_MAX_S
         )
         if is_over and not any(self._outline_px_s()):
