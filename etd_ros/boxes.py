@@ -71,6 +71,16 @@ class Box(NamedTuple):
             msg = f"{self._text(name)} lies off the {width}x{height} sensor: give pixels from its top-left corner"
             raise OffSensorError(msg)
 
+    def check_not_all(self, width: int, height: int, name: str = "box") -> None:
+        """Refuse a box whose outline lies beyond a width x height sensor on every side: nothing of it could be seen.
+
+        Raises:
+            BoxError: it is one.
+        """
+        if self.x < 0 and self.y < 0 and self.x + self.w > width and self.y + self.h > height:
+            msg = f"{self._text(name)} covers the whole {width}x{height} sensor: give the box of an object on it"
+            raise BoxError(msg)
+
     def check_start(self, name: str = "box") -> None:
         """Refuse a box that no target can start at, on whatever sensor.
 

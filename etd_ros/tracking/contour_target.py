@@ -27,9 +27,10 @@ from etd_ros.tracking.drift_watch import ELSEWHERE_IOU, Turns
 from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
-from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, WAIT_MIN_S
+from etd_ros.tracking.lone_mover import LoneMover
+from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, VERY_FAST_SIZES_PER_S, WAIT_MIN_S
 from etd_ros.tracking.other_targets import OtherBoxes, Place
-from etd_ros.tracking.set_off import SetOff
+from etd_ros.tracking.set_off import KNOWN_MAX, SetOff
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import (
@@ -123,11 +124,19 @@ class ContourTarget:
         """How long the next frames may last (s): until it has moved by `frame_motion` of its size; inf where its motion
         is not known."""
         sizes_per_s = self._body.sizes_per_s
-        if not (self.is_followed and self.is_sure) or sizes_per_s == 0:
+        is_known = self.is_followed and self.is_sure
+        if not (is_known or (sizes_per_s > VERY_FAST_SIZES_PER_S and self._goes_on)) or sizes_per_s == 0:
             return math.inf
         # What is not fast is looked at no more often.
         shortest_s = FRAME_MIN_S if sizes_per_s > FAST_SIZES_PER_S else WAIT_MIN_S
         return max(shortest_s, self._contour_config.frame_motion / sizes_per_s)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether its box goes on at its velocity although its looks fail, or have no events for a moment."""
+        if self._held is not None:
+            return self._held.moves_on(self._updated_ns)
+        return self.is_followed and not self._doubts.is_leaving
 
     def update(self, stamp_ns: int, _frame_data: FrameData, image: FrameData | None) -> TargetReport:
         """Take the next frame, which the surface holds already, and the intensity image of the same stamp if there is
@@ -226,8 +235,30 @@ class ContourTarget:
         elif self._start_up is not None:
             if self._start_up.take(self._surface, new_events):
                 self._start_up = None
-        elif self._contours.is_due(stamp_ns):
+        elif self._contours.is_due(stamp_ns, is_sure=self.is_sure):
             self._follow(stamp_ns)
+        self._watch_for_turn(stamp_ns)
+
+    def _watch_for_turn(self, stamp_ns: int) -> None:
+        """What was fast may have bounced off something where looks begin to fail."""
+        if self._start_up is not None:
+            self._lone_mover.stop()
+            return
+        found = self._lone_mover.found(is_doubted=not self.is_followed or self._doubts.failing_s > 0)
+        if found is None:
+            return
+        right, down = found.velocity.tolist()
+        if self._contours.known_along((right, down)) <= KNOWN_MAX:
+            contours = Contours(found.box, stamp_ns, self._contour_config)
+            contours.own.others = self._contours.own.others
+            self._start_again(contours, stamp_ns)
+            self._start_up = StartUp(contours)
+            return
+        self._lone_mover.stop()
+        self._contours.stop()
+        self._contours.turn((right, down))
+        self._body.pose[:2], self._body.velocity[:], self._body.stamp_ns = found.box.center, (right, down), stamp_ns
+        self._go_on(CONFIDENCE_FOUND, is_unsettled=False)
 
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream starts again with a frame of this stamp (ns): wait for the start again if it is still to come, or
@@ -248,6 +279,7 @@ class ContourTarget:
         if self._refinement:
             self._refinement.time_went_back(stamp_ns)
         self._doubts.begin_anew()
+        self._lone_mover.stop()
         self._following.motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._doubts.stand_here()
@@ -435,6 +467,7 @@ class ContourTarget:
         self._body = contours.body
         self._doubts = Doubts(self._body, self._surface)
         self._following = Following(contours, self._surface, self._doubts)
+        self._lone_mover = LoneMover(contours, self._surface, self._doubts)
 
     def _go_on(self, confidence: float, *, is_unsettled: bool) -> None:
         """Follow it again from where it is now."""

@@ -138,9 +138,10 @@ class Contours:
         self._pace.wait_with(new)
         return new
 
-    def is_due(self, stamp_ns: int) -> bool:
-        """Whether it is time for a look; the events for the next one count from then on."""
-        return self._pace.is_due(self.body.since_s(stamp_ns), self.sweep_px_s, self.body.sizes_per_s)
+    def is_due(self, stamp_ns: int, *, is_sure: bool) -> bool:
+        """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on."""
+        body = self.body
+        return self._pace.is_due(body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure)
 
     def take_turning_of_flow(self, surface: TimeSurface) -> None:
         """Believe how fast a target that began to turn does so by the flow of its edges. Looks cannot tell when it

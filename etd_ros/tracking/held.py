@@ -28,11 +28,15 @@ class Held:
     stamp_ns: int
     surface: TimeSurface
 
+    def moves_on(self, stamp_ns: int) -> bool:
+        """Whether it is said to move on still (ns)."""
+        return self.moving is not None and stamp_ns - self.stamp_ns <= MOVES_ON_S * 1e9
+
     def box_at(self, stamp_ns: int) -> Box:
         """Where it is said to be at a time (pixels)."""
-        since_s = (stamp_ns - self.stamp_ns) * 1e-9
-        if self.moving is None or since_s > MOVES_ON_S:
+        if self.moving is None or not self.moves_on(stamp_ns):
             return self.box
+        since_s = (stamp_ns - self.stamp_ns) * 1e-9
         (x, y, w, h), right_px_s, down_px_s = self.moving
         moved = Box(x + right_px_s * since_s, y + down_px_s * since_s, w, h)
         # Beyond the border it would be gone; what turns back there has not left.

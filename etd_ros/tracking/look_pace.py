@@ -6,6 +6,8 @@ import math
 
 FAST_SIZES_PER_S = 8.0
 """What moves faster than this does not come to a halt at once."""
+VERY_FAST_SIZES_PER_S = 20.0
+"""What moves faster than this leaves its box within a frame, also where its looks fail."""
 EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
 EVENTS_SHARE = 0.3
@@ -47,8 +49,11 @@ class LookPace:
         """There are so many more events that no look has taken."""
         self._events_waiting += new_events
 
-    def is_due(self, elapsed_s: float, speed_px_s: float, sizes_per_s: float) -> bool:
-        """Whether it is time for a look, so long after the last one; the events for the next one count from then on."""
+    def is_due(self, elapsed_s: float, speed_px_s: float, sizes_per_s: float, *, is_sure: bool) -> bool:
+        """Whether it is time for a look, so long after the last one; the events for the next one count from then on.
+        Looks that are not sure wait for more."""
+        if elapsed_s < WAIT_MIN_S and sizes_per_s > VERY_FAST_SIZES_PER_S and not is_sure:
+            return False
         moved_px = speed_px_s * elapsed_s
         if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
             return False

@@ -122,7 +122,7 @@ class MultiTracker:
 
         Raises:
             TrackingError: the name is unusable, taken, or that of a click that waits, or the stamp is negative.
-            BoxError: the box is not finite, has a side below SIDE_MIN_PX or lies off the sensor.
+            BoxError: the box is not finite, has a side below SIDE_MIN_PX, lies off the sensor or covers all of it.
         """
         self._check_free(name)
         if name in self.waiting_clicks:
@@ -146,6 +146,7 @@ class MultiTracker:
         box = Box(*map(float, box))
         check_target(name, box, stamp_ns)
         box.check(self._width, self._height, f"box of target {name!r}")
+        box.check_not_all(self._width, self._height, f"box of target {name!r}")
         return box
 
     def _made(self, name: str, box: Box, stamp_ns: int, class_id: str = "") -> Target | ContourTarget:

@@ -91,6 +91,11 @@ class StartUp:
         self._seen_turning = self._agreement = 0.0
         self._surroundings = Surroundings(self._body.box, stamp_ns, self._late_s)
 
+    def begin_again(self, stamp_ns: int) -> None:
+        """The target is in its start box still (ns), and what has come so far is not its own."""
+        self._looked_at_ns, self._events_waiting = stamp_ns, 0
+        self._begin(stamp_ns)
+
     def take(self, surface: TimeSurface, new_events: int) -> bool:
         """Take the newest frame, which brought so many events, and look where it is time; whether the start is over and
         the model is known."""
@@ -114,6 +119,11 @@ class StartUp:
             self._begin(surface.stamp_ns)
             return False
         return self._look(surface, elapsed_s)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it has collected nothing yet."""
+        return self._collected.looks == 0
 
     @property
     def stands(self) -> bool:

@@ -270,7 +270,16 @@ def test_other_names_are_taken(name):
     assert name in tracker.targets
 
 
-@pytest.mark.parametrize("box", [Box(0, 0, 0, 10), Box(500, 0, 10, 10), Box(float("nan"), 0, 10, 10), Box(9, 9, 1, 10)])
+@pytest.mark.parametrize(
+    "box",
+    [
+        Box(0, 0, 0, 10),
+        Box(500, 0, 10, 10),
+        Box(float("nan"), 0, 10, 10),
+        Box(9, 9, 1, 10),
+        Box(-1, -1, WIDTH + 2, HEIGHT + 2),
+    ],
+)
 def test_impossible_boxes_are_refused_and_leave_no_target(box):
     tracker = tracker_with()
     with pytest.raises(BoxError, match="'a'"):

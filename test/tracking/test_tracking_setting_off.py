@@ -21,6 +21,7 @@ from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.set_off import SetOff
+from etd_ros.tracking.start_up import StartUp
 
 X, Y, SETS_OFF_S, SPEED_PX_S = 70, 90, 0.4, 120
 
@@ -90,14 +91,14 @@ def test_what_stood_and_sets_off_another_way_is_followed_though_its_model_knows_
     assert overlap(report, truth) < 0.1
 
 
-def passing():
-    """A smaller square that passes before it while it stands."""
+def passing(size_px=24):
+    """A square that passes before it while it stands."""
 
     def way(t):
         return 20 + 500 * np.clip(t - PASSES_S, 0, None), 74 + 0 * t
 
-    surface = checks(np.random.default_rng(3), 24, 24, cell=6)
-    return Sprite("passing", surface, np.ones((24, 24)), Path.of(way, UNTIL_S), is_target=False)
+    surface = checks(np.random.default_rng(3), size_px, size_px, cell=6)
+    return Sprite("passing", surface, np.ones((size_px, size_px)), Path.of(way, UNTIL_S), is_target=False)
 
 
 def test_what_passes_before_a_target_that_stands_is_not_the_target_that_sets_off():
@@ -130,6 +131,21 @@ def test_what_stands_is_looked_for_on_images_once_something_has_moved_there(seen
     assert min(recovery.asked_at_s) > PASSES_S
     assert report.state is TargetState.TRACKING
     assert overlap(report, seen) > 0.6
+
+
+def test_no_start_is_tried_where_something_moves_round_what_stands(monkeypatch):
+    tried_at_s, take = [], StartUp.take
+
+    def noted(start_up, surface, new_events):
+        tried_at_s.append((surface.stamp_ns - START_NS) * 1e-9)
+        return take(start_up, surface, new_events)
+
+    monkeypatch.setattr(StartUp, "take", noted)
+    tracked(stopping(passing(90)))
+    # It passes at 500 pixels/s, and its events are round the box for .1 s more.
+    passed_s = PASSES_S + (140 - 20) / 500
+    assert any(STOPS_S + 0.05 < time_s < PASSES_S for time_s in tried_at_s)
+    assert not any(passed_s < time_s < passed_s + 0.1 for time_s in tried_at_s)
 
 
 def test_what_stood_sets_off_while_another_target_passes_beside_it():
