@@ -16,7 +16,7 @@ KNOWN_MAX = 0.5
 """What moves in a direction of which more is known is found by its model, or is something else."""
 AROUND_S = 0.1
 """What passes before a target comes from beside it, and was round its box within this time."""
-CROWDED = 0.5
+CROWDED = 0.3
 """With so many times as many events round its box as in it, for each pixel, no start is worth its time."""
 
 
