@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions, Motion
+from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions
 from etd_ros.tracking.contour_drawing import splat
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import Contours
@@ -31,8 +31,6 @@ may be shorter, as the rest of the scene ends them, and a velocity that is fitte
 FAST_LOOKS = 3
 """The first so many looks also try motions farther off: what is thrown may have moved by several pixels within the
 shortest frame."""
-ANEW_PX, ANEW_SHARE = 1.5, 0.95
-"""A motion that is found from rest is another one if it differs by so much, and has to agree so many times as well."""
 FAST_TRUST = ((0.5, 1.5), (0.7, 1.1))
 """What lets a motion that is found so be believed (`Motion.is_clearly_better`)."""
 EVENTS_MIN = 20
@@ -255,22 +253,13 @@ class StartUp:
         """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
         off where that is clearly better; by how far it can be believed."""
         so_far = self._body.velocity
-        best = self._from_rest_if_as_good(events, time_s, self._motions.near(events, time_s, so_far))
+        best = self._motions.near(events, time_s, so_far)
         if self._fast_looks < FAST_LOOKS:
             self._fast_looks += 1
             far = self._motions.farther_off(events, time_s, so_far, best)
             best = far if far.is_clearly_better(best, FAST_TRUST) else best
         self._body.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
         self._agreement = best.agreement
-
-    def _from_rest_if_as_good(self, events: Float32Array, time_s: float, best: Motion) -> Motion:
-        """A motion, or one that is found from rest, if it is another one and agrees nearly as well, parts that are at
-        least as alike: of the first few events some fast motion agrees best, and what is near it is tried next."""
-        if self._body.speed_px_s == 0:
-            return best
-        anew = self._motions.near(events, time_s, np.zeros(2))
-        is_other = math.dist(anew.velocity, best.velocity) * time_s > ANEW_PX
-        return anew if is_other and anew.agreement > ANEW_SHARE * best.agreement and anew.alike >= best.alike else best
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""

@@ -5,12 +5,7 @@ import pytest
 from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.engine import FrameSource
-from etd_ros.evaluation import read_boxes
 from etd_ros.evaluation.suite import evaluate_sequence
-from etd_ros.events import Events, concatenate
-from etd_ros.recordings import open_recording
-from etd_ros.settings import Settings
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.suite import SUITE
 from etd_ros.tracking import ContourConfig, MultiTracker, start_up
@@ -99,28 +94,3 @@ def test_a_start_is_not_corrected_by_less_than_its_velocity_strays(monkeypatch):
     corrected_by_much = panel()
     monkeypatch.setattr(start_up, "DRAWN_MIN_PX", 0.0)
     assert corrected_by_much.ap > panel().ap + 0.02
-
-
-def dark_ball_from_an_askew_box(data):
-    """The overlap of the box of slider_depth's dark_ball .3 s after a start from a box that lies 1.4 px up and to the
-    left, before what moves nearly alike."""
-    labels = read_boxes(data / "slider_depth" / "boxes.csv")["dark_ball"]
-    first, last = labels[0], next(label for label in labels if label.stamp_ns > labels[0].stamp_ns + 300_000_000)
-    with open_recording(data / "slider_depth" / "slider_depth.bag") as recording:
-        events = concatenate([batch.events for batch in recording.streams()])
-    begin, end = np.searchsorted(events.t, [first.stamp_ns - 50_000_000, last.stamp_ns])
-    part = Events(
-        *(field[begin:end] for field in (events.t, events.x, events.y, events.p)), events.width, events.height
-    )
-    tracker = MultiTracker(events.width, events.height, contours=ContourConfig())
-    x, y, w, h = first.box
-    tracker.start("thing", Box(x - 0.05 * w, y - 0.05 * h, w, h), first.stamp_ns)
-    for frame in FrameSource("atsltd_fine", events.width, events.height, Settings()).frames(part):
-        (report,) = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
-    return overlap(report, last.box)
-
-
-def test_a_false_motion_that_was_believed_at_first_is_given_up_for_one_that_is_found_from_rest(data, monkeypatch):
-    assert dark_ball_from_an_askew_box(data) > 0.8
-    monkeypatch.setattr(start_up, "ANEW_PX", np.inf)
-    assert dark_ball_from_an_askew_box(data) < 0.6
