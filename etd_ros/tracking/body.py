@@ -74,8 +74,7 @@ class Body:
     def sizes_per_s(self) -> float:
         """How fast it moves in widths and in heights of its box, together (1/s): what a box that stays behind loses of
         its overlap."""
-        (width, height), (right, down) = self._model_box.size(self.pose), self.velocity.tolist()
-        return abs(right) / width + abs(down) / height
+        return sizes_per_s(self.velocity, *self._model_box.size(self.pose))
 
     @property
     def is_fast(self) -> bool:
@@ -166,6 +165,12 @@ class Body:
     def correct_box(self, right: float, below: float, wider: float, higher: float) -> None:
         """Move the box by so many pixels, and make it so much wider and higher (logarithms); the pose stays."""
         self._model_box.correct(right, below, wider, higher, self.pose)
+
+
+def sizes_per_s(velocity: Float64Array, width: float, height: float) -> float:
+    """How fast a velocity (pixels/s) is in so many widths and heights (pixels), as `Body.sizes_per_s`."""
+    right, down = velocity.tolist()
+    return float(abs(right) / width + abs(down) / height)
 
 
 def moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:

@@ -249,10 +249,8 @@ class ContourTarget:
             return
         right, down = found.velocity.tolist()
         if self._contours.known_along((right, down)) <= KNOWN_MAX:
-            contours = Contours(found.box, stamp_ns, self._contour_config)
-            contours.own.others = self._contours.own.others
-            self._start_again(contours, stamp_ns)
-            self._start_up = StartUp(contours)
+            self._start_again(self._contours.anew(found.box, stamp_ns), stamp_ns)
+            self._start_up = StartUp(self._contours)
             return
         self._lone_mover.stop()
         self._contours.stop()
@@ -359,7 +357,7 @@ class ContourTarget:
         """It keeps its box from now on (ns), which may move on first as for `Held`, until it is seen or sets off."""
         box = self._body.box if self._held is None else self._held.box
         self._held = Held(box, moving, stamp_ns, self._surface)
-        self._set_off = SetOff(self._contours, box, stamp_ns, self._contour_config)
+        self._set_off = SetOff(self._contours, box, stamp_ns)
 
     def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been

@@ -91,6 +91,12 @@ class Contours:
         self._pace = LookPace(config.window_px, config.window_max_s)
         self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
+    def anew(self, box: Box, stamp_ns: int) -> Contours:
+        """Contours of the same target in a box (pixels) at a time (ns), of which nothing is known yet."""
+        contours = Contours(box, stamp_ns, self.config)
+        contours.own.others = self.own.others
+        return contours
+
     @property
     def sweep_px_s(self) -> float:
         """How fast its edges usually pass over pixels (pixels/s): by its motion, of what is known to grow by that as

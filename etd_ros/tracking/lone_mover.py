@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.body import Standing
+from etd_ros.tracking.body import Standing, sizes_per_s
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.doubts import Doubts
@@ -102,9 +102,9 @@ class LoneMover:
         self._box = self._body.box_at(*before.pose[:2].tolist())
         self._speed_px_s = math.hypot(*before.velocity.tolist())
         self._way = []
-        sizes_per_s = float((np.abs(before.velocity) / (self._box.w, self._box.h)).sum())
         is_recent = self._surface.stamp_ns - before.stamp_ns < RECENT_S * 1e9
-        lasts_s = LASTS_S if is_recent and sizes_per_s > FAST_SIZES_PER_S else 0.0
+        is_fast = sizes_per_s(before.velocity, self._box.w, self._box.h) > FAST_SIZES_PER_S
+        lasts_s = LASTS_S if is_recent and is_fast else 0.0
         self._until_ns = before.stamp_ns + round(lasts_s * 1e9)
 
     def _place(self, since_s: float) -> tuple[float, float] | None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.growth import RING_MAX, stands_alone
 from etd_ros.tracking.start_up import StartUp
@@ -27,23 +26,21 @@ class SetOff:
         known: its contours so far.
         box: where it stands (pixels).
         stamp_ns: from when on (ns).
-        config: of contours.
 
     Attributes:
         contours: those that it has once it has set off.
         is_disturbed: whether something has moved there since that was not taken for it.
     """
 
-    def __init__(self, known: Contours, box: Box, stamp_ns: int, config: ContourConfig) -> None:
-        self._known, self._box, self._config = known, box, config
+    def __init__(self, known: Contours, box: Box, stamp_ns: int) -> None:
+        self._known, self._box = known, box
         self.is_disturbed = False
         # Before that, what is round it may be what it left there as it came.
         self._settled_ns = stamp_ns + round(AROUND_S * 1e9)
         self._begin(stamp_ns)
 
     def _begin(self, stamp_ns: int) -> None:
-        self.contours = Contours(self._box, stamp_ns, self._config)
-        self.contours.own.others = self._known.own.others
+        self.contours = self._known.anew(self._box, stamp_ns)
         self._start_up = StartUp(self.contours)
 
     def take(self, surface: TimeSurface) -> bool:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, WIDTH, overlap, tracked
+from tracked_scenes import HEIGHT, WIDTH, overlap, pillar, tracked
 
 from etd_ros.simulation import Path, Scene, Sprite
 from etd_ros.simulation.textures import checks, smooth_noise
@@ -50,13 +50,6 @@ def test_looks_alone_lose_what_bounces(monkeypatch):
 
 
 def test_what_goes_another_way_beside_a_target_that_has_gone_behind_something_is_not_the_target():
-    pillar = Sprite(
-        "pillar",
-        np.full((HEIGHT, 60), 0.6),
-        np.ones((HEIGHT, 60)),
-        Path.of(lambda t: (160 + 0 * t, 90 + 0 * t), UNTIL_S),
-        is_target=False,
-    )
     passing = Sprite(
         "passing",
         checks(np.random.default_rng(3), 40, 40, cell=8),
@@ -64,7 +57,7 @@ def test_what_goes_another_way_beside_a_target_that_has_gone_behind_something_is
         Path.of(lambda t: (104 + 0 * t, 300 * t - 20), UNTIL_S),
         is_target=False,
     )
-    found = tracked(bouncing((400, 0), (400, 0), pillar, passing))
+    found = tracked(bouncing((400, 0), (400, 0), pillar(160), passing))
     for time_s, report, _ in found:
         if report.box is not None and time_s > 0.2:
             middle_y = report.box.y + report.box.h / 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
+from tracked_scenes import HEIGHT, START_NS, WIDTH, all_at_the_end, frames_of, scene_of
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
@@ -176,23 +176,12 @@ def beside_each_other():
     return Scene(WIDTH, HEIGHT, 0.5, wall, tuple(sprites))
 
 
-def at_the_end(scene, frames):
-    """The overlap of each target, by contours alone."""
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
-    for name in scene.targets:
-        tracker.start(name, scene.box(name, 0.0), START_NS)
-    for frame in frames:
-        reports = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
-    time_s = (frames[-1].stamp_ns - START_NS) * 1e-9
-    return {report.name: overlap(report, scene.box(report.name, time_s)) for report in reports}
-
-
 def test_of_two_that_overlap_when_they_start_none_is_drawn_along_by_the_other(monkeypatch):
     scene = beside_each_other()
     frames = frames_of(scene)
-    assert min(at_the_end(scene, frames).values()) > 0.8
+    assert min(all_at_the_end(scene, frames).values()) > 0.8
     monkeypatch.setattr(OtherTargets, "take", lambda *_: None)
-    assert at_the_end(scene, frames)["back"] < 0.5
+    assert all_at_the_end(scene, frames)["back"] < 0.5
 
 
 def confidence_of_a_look(*, is_covered):
