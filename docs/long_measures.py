@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +104,7 @@ class Long(SeededScene):
 
     def _thing(self, rng: np.random.Generator, name: str, background: FloatArray) -> Sprite:
         size_px = int(rng.integers(24, 45))
-        thing = _seen_before(background, rng, size_px)
+        thing = seen_before(background, rng, size_px)
         way = WAYS[self.kind](rng)
         reach_x, reach_y = WIDTH / 2 - size_px, HEIGHT / 2 - size_px
 
@@ -115,7 +115,7 @@ class Long(SeededScene):
         return Sprite(name, *thing, Path.of(pose, DURATION_S))
 
 
-def _seen_before(background: FloatArray, rng: np.random.Generator, size_px: int) -> Thing:
+def seen_before(background: FloatArray, rng: np.random.Generator, size_px: int) -> Thing:
     """A thing whose rim can be told from the background."""
     ground = float(np.log(background).mean())
     while True:
@@ -169,19 +169,23 @@ def measures_of(long: Long) -> tuple[str, list[tuple[float, ...]]]:
     return long.kind, found
 
 
-def main() -> None:
+def print_all(longs: Iterable[Long], kinds: Sequence[str]) -> None:
     """Print the measures of each kind of motion and of all."""
-    kinds = defaultdict(list)
-    scenes = (Long(seed, kind) for seed in seeds_asked_for(0, 8) for kind in WAYS)
-    for kind, found in of_each(measures_of, scenes, jobs=2):
-        kinds[kind] += found
-        kinds["all"] += found
-    for kind in (*WAYS, "all"):
-        ap, ar, first, last, wrong = np.mean(kinds[kind], axis=0)
+    measures = defaultdict(list)
+    for kind, found in of_each(measures_of, longs, jobs=2):
+        measures[kind] += found
+        measures["all"] += found
+    for kind in (*kinds, "all"):
+        ap, ar, first, last, wrong = np.mean(measures[kind], axis=0)
         sys.stdout.write(
-            f"{kind:22s} {len(kinds[kind]):3d}  {ap:.3f}/{ar:.3f}  at first {first:.3f}, at last {last:.3f}, "
+            f"{kind:22s} {len(measures[kind]):3d}  {ap:.3f}/{ar:.3f}  at first {first:.3f}, at last {last:.3f}, "
             f"said wrongly {wrong:.3f}\n"
         )
+
+
+def main() -> None:
+    """Print the measures of the scenes that are asked for."""
+    print_all((Long(seed, kind) for seed in seeds_asked_for(0, 8) for kind in WAYS), tuple(WAYS))
 
 
 if __name__ == "__main__":

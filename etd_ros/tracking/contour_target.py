@@ -27,12 +27,14 @@ from etd_ros.tracking.drift_watch import ELSEWHERE_IOU, Turns
 from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
+from etd_ros.tracking.last_clear import LastClear
 from etd_ros.tracking.lone_mover import LoneMover
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, VERY_FAST_SIZES_PER_S, WAIT_MIN_S
 from etd_ros.tracking.other_targets import OtherBoxes, Place
 from etd_ros.tracking.set_off import KNOWN_MAX, SetOff
 from etd_ros.tracking.start_up import StartUp
 from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.swept import Swept
 from etd_ros.tracking.target import (
     FrameData,
     RecoveryFactory,
@@ -99,6 +101,7 @@ class ContourTarget:
         self._images: ImageSearch
         self._held: Held | None
         self._set_off: SetOff
+        self._swept: Swept
         self._search: ContourSearch
         self._updated_ns: int
         self.followed_since_ns: int
@@ -107,7 +110,12 @@ class ContourTarget:
     @property
     def state(self) -> TargetState:
         """Where the target stands."""
-        return self._state if self._held is None else TargetState.TRACKING
+        return TargetState.TRACKING if self._is_held else self._state
+
+    @property
+    def _is_held(self) -> bool:
+        """Whether it is said to be where it stopped, or moves on unseen."""
+        return self._held is not None and not self._swept.is_swept
 
     @property
     def last_box(self) -> Box:
@@ -156,7 +164,7 @@ class ContourTarget:
         if was_held:
             self._watch_for_drift(stamp_ns, image)
         if self._state is not TargetState.TRACKING:
-            held_box = self._held.box_at(stamp_ns) if self._held else None
+            held_box = self._held.box_at(stamp_ns) if self._held is not None and self._is_held else None
             return TargetReport(self.name, self.state, held_box, 0.0)
         is_sure = self._start_up is None and self._doubts.failing_s == 0
         self._images.remember(stamp_ns, image, self._body.box, is_sure=is_sure)
@@ -186,7 +194,7 @@ class ContourTarget:
         body = self._body
         if self.begins(stamp_ns):
             return Place(self.start_box, np.zeros(2), has_events=True)
-        if self._held is not None:
+        if self._held is not None and self._is_held:
             return Place(self._held.box, np.zeros(2), has_events=False)
         if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
             return None
@@ -218,6 +226,7 @@ class ContourTarget:
 
     def go_back(self, stamp_ns: int, standing: Standing, impression: Impression) -> None:
         """Something else has drawn it along since it stood there and looked so: look for it from there on."""
+        self._last_clear.doubt(stamp_ns)
         self._doubts.fail_from(standing)
         self._following.motion.steady.forget()
         self._fail(stamp_ns)
@@ -237,6 +246,8 @@ class ContourTarget:
                 self._start_up = None
         elif self._contours.is_due(stamp_ns, is_sure=self.is_sure):
             self._follow(stamp_ns)
+        if self.is_followed:
+            self._go_where_it_is_as_it_was(stamp_ns)
         self._watch_for_turn(stamp_ns)
 
     def _watch_for_turn(self, stamp_ns: int) -> None:
@@ -278,6 +289,7 @@ class ContourTarget:
             self._refinement.time_went_back(stamp_ns)
         self._doubts.begin_anew()
         self._lone_mover.stop()
+        self._last_clear = LastClear(self._contours, self._surface, self._following)
         self._following.motion.steady.forget()
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._doubts.stand_here()
@@ -320,8 +332,32 @@ class ContourTarget:
             self._fail(stamp_ns)
         elif outcome is Outcome.VANISHED:
             self._vanish(stamp_ns)
-        elif outcome is Outcome.SEEN and self._refinement and self._following.sees_as_usual:
-            self._refinement.take(self._contours, self._surface)
+        elif outcome is Outcome.SEEN:
+            if self._refinement and self._following.sees_as_usual:
+                self._refinement.take(self._contours, self._surface)
+            self._last_clear.take(stamp_ns, is_sure=self.is_sure)
+
+    def _go_where_it_is_as_it_was(self, stamp_ns: int) -> None:
+        """What is followed may be something else: where the target is seen as it was when it was clear, it is."""
+        clear = self._last_clear
+        found, sighting = clear.found_elsewhere(), clear.sighting
+        if found is None or sighting is None:
+            return
+        self._images.forget_lately()
+        self._contours.appear(sighting.impression, found.box, stamp_ns)
+        self._body.velocity[:] = found.velocity
+        self._doubts.begin_anew()
+        self._following.begin_anew(sighting.usual, CONFIDENCE_FOUND)
+        clear.doubt(stamp_ns)
+
+    def _look_for_it_as_it_was(self, stamp_ns: int) -> None:
+        """What was followed was something else, and can no longer be followed either."""
+        sighting = self._last_clear.sighting
+        if sighting is not None:
+            self._doubts.fail_from(sighting.standing)
+            self._doubts.go_back()
+            self._images.forget_lately()
+            self.go_back(stamp_ns, sighting.standing, sighting.impression)
 
     def _watch_for_drift(self, stamp_ns: int, image: FrameData | None) -> None:
         """A box that was drawn along by something learns what it is on, and its looks are sure again, or it has no
@@ -340,12 +376,16 @@ class ContourTarget:
         self._images.forget_lately()
         self._contours.appear(impression, found.box, stamp_ns)
         self._state, self._held = TargetState.TRACKING, None
+        self._last_clear.doubt(stamp_ns)
         self._doubts.begin_anew()
         self._following.begin_anew(usual, found.score)
 
     def _vanish(self, stamp_ns: int) -> None:
         """A target that was moving has no events any more. It has gone behind something, or has stopped: then it keeps
         its box, after a moment if it is fast, and is looked for there and where its motion would bring it."""
+        if self._last_clear.has_strayed:
+            self._look_for_it_as_it_was(stamp_ns)
+            return
         moving = moving_on(self._body, stamp_ns)
         has_gone_behind = self._doubts.has_gone_behind
         self._doubts.failing_s = 0.0
@@ -358,10 +398,15 @@ class ContourTarget:
         box = self._body.box if self._held is None else self._held.box
         self._held = Held(box, moving, stamp_ns, self._surface)
         self._set_off = SetOff(self._contours, box, stamp_ns)
+        self._swept = Swept(box, stamp_ns, self.others)
 
     def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
         """Go on from before the looks that failed, as they may have followed something else; the target has not been
         seen since `since_ns` (ns), by default until now."""
+        if self._last_clear.has_strayed:
+            self._look_for_it_as_it_was(stamp_ns)
+            return
+        self._last_clear.doubt(stamp_ns)
         contours, body, doubts = self._contours, self._body, self._doubts
         is_off = not self._surface.holds(*body.pose[:2])
         side = side_of(body.box, self._surface.width, self._surface.height)
@@ -419,6 +464,8 @@ class ContourTarget:
         if self._held is not None and self._set_off.take(self._surface):
             self._start_again(self._set_off.contours, stamp_ns)
             return
+        if self._held is not None and self._swept.take(self._surface):
+            self._held = None
         search.coast()
         search.keep()
         answer = self._found_on_image(stamp_ns, image)
@@ -435,7 +482,7 @@ class ContourTarget:
     def _found_on_image(self, stamp_ns: int, image: FrameData | None) -> Found | None:
         """Where the images show it. What is held is looked for once something has moved there: that may have been it,
         if it is seen elsewhere now."""
-        if self._held is None:
+        if self._held is None or not self._is_held:
             return self._images.found(stamp_ns, image, self._state, self.last_box)
         if not self._set_off.is_disturbed:
             return None
@@ -466,6 +513,7 @@ class ContourTarget:
         self._doubts = Doubts(self._body, self._surface)
         self._following = Following(contours, self._surface, self._doubts)
         self._lone_mover = LoneMover(contours, self._surface, self._doubts)
+        self._last_clear = LastClear(contours, self._surface, self._following)
 
     def _go_on(self, confidence: float, *, is_unsettled: bool) -> None:
         """Follow it again from where it is now."""

@@ -17,7 +17,7 @@ from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float32Array, Float64
 from etd_ros.tracking.growth import GrowthByFlow
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.look_pace import LookPace
-from etd_ros.tracking.memories import Memories, Remembered
+from etd_ros.tracking.memories import Memories, Remembered, known_along
 from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.own_events import OwnEvents
@@ -125,6 +125,12 @@ class Contours:
         if length == 0:
             return self.known
         return self._memories.known_along(*self._turned(direction[0] / length, direction[1] / length))
+
+    def known_as(self, impression: Impression) -> float:
+        """How much of what this motion along shows had been seen when it looked like that."""
+        right, down = self.body.velocity.tolist()
+        length = max(math.hypot(right, down), 1e-9)
+        return known_along(impression.remembered.seen, *self._turned(right / length, down / length))
 
     @property
     def _maps(self) -> Float32Array:

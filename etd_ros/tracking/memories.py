@@ -25,6 +25,13 @@ class Remembered:
     seen: Float64Array
 
 
+def known_along(seen: Float64Array, x: float, y: float) -> float:
+    """How much of what a direction of motion shows has been seen, 0 to 1, by what `Remembered` has of that; x, y of
+    length 1, in the model's coordinates."""
+    (xx, xy), (yx, yy) = seen.tolist()
+    return float(x * (xx * x + xy * y) + y * (yx * x + yy * y))
+
+
 class Memories:
     """Three models of a target, which differ in how fast a look renews them.
 
@@ -54,8 +61,7 @@ class Memories:
     def known_along(self, x: float, y: float) -> float:
         """How much of what a direction of motion shows has been seen, 0 to 1; x, y of length 1, in the model's
         coordinates."""
-        (xx, xy), (yx, yy) = self._seen.tolist()
-        return float(x * (xx * x + xy * y) + y * (yx * x + yy * y))
+        return known_along(self._seen, x, y)
 
     def see(self, x: float, y: float, share: float) -> None:
         """A direction of motion has shown this share of what can be seen along it."""
