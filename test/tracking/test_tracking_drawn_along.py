@@ -12,6 +12,7 @@ from etd_ros.simulation.textures import checks, smooth_noise
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.drawn_along import GIVE_UP_S, MET_S, SEEN_MIN, SEEN_SHARE, DrawnAlong
+from etd_ros.tracking.last_clear import LastClear
 
 STEP_S = 0.01
 
@@ -35,6 +36,7 @@ def test_the_target_that_another_one_hides_while_they_pass_is_found_on_its_own_w
     frames = frames_of(scene)
     assert min(all_at_the_end(scene, frames).values()) > 0.85
     monkeypatch.setattr(DrawnAlong, "take", lambda *_: None)
+    monkeypatch.setattr(LastClear, "has_strayed", False)
     drawn = all_at_the_end(scene, frames)
     assert drawn["front"] > 0.85
     assert drawn["back"] < 0.1

@@ -20,6 +20,7 @@ from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import ContourSearch
 from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.last_clear import LastClear
 
 CONTOURS = ContourConfig(refine_gain=0.0)
 CONTOURS_ALONE = Settings(contours=CONTOURS, recovery=RecoveryConfig(network_agreeing=100, watch_score_min=1.0))
@@ -61,11 +62,13 @@ def test_a_target_that_turned_while_it_was_hidden_is_found(monkeypatch, name, se
 def test_what_was_learnt_of_a_cover_is_forgotten_when_the_target_is_lost(monkeypatch, seed):
     found = mean_overlap("pillar", (seed,))
     assert found > 0.85
+    monkeypatch.setattr(LastClear, "has_strayed", False)
     monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
     assert mean_overlap("pillar", (seed,)) < found - 0.1
 
 
 def test_a_box_that_a_cover_has_drawn_along_is_put_right_by_images(monkeypatch):
+    monkeypatch.setattr(LastClear, "has_strayed", False)
     monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
     # The scene is over before the next look otherwise.
     monkeypatch.setattr(drift_watch, "WATCH_NS", 490_000_000)
