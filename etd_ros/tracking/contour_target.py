@@ -110,12 +110,12 @@ class ContourTarget:
     @property
     def state(self) -> TargetState:
         """Where the target stands."""
-        return TargetState.TRACKING if self._is_held else self._state
+        return self._state if self._stand is None else TargetState.TRACKING
 
     @property
-    def _is_held(self) -> bool:
-        """Whether it is said to be where it stopped, or moves on unseen."""
-        return self._held is not None and not self._swept.is_swept
+    def _stand(self) -> Held | None:
+        """Where it is said to stand, or to move on unseen; None where it is not, or something moves through there."""
+        return None if self._held is None or self._swept.is_swept else self._held
 
     @property
     def last_box(self) -> Box:
@@ -164,8 +164,8 @@ class ContourTarget:
         if was_held:
             self._watch_for_drift(stamp_ns, image)
         if self._state is not TargetState.TRACKING:
-            held_box = self._held.box_at(stamp_ns) if self._held is not None and self._is_held else None
-            return TargetReport(self.name, self.state, held_box, 0.0)
+            box = self._stand.box_at(stamp_ns) if self._stand else None
+            return TargetReport(self.name, self.state, box, 0.0)
         is_sure = self._start_up is None and self._doubts.failing_s == 0
         self._images.remember(stamp_ns, image, self._body.box, is_sure=is_sure)
         if is_sure and not was_held:
@@ -194,8 +194,8 @@ class ContourTarget:
         body = self._body
         if self.begins(stamp_ns):
             return Place(self.start_box, np.zeros(2), has_events=True)
-        if self._held is not None and self._is_held:
-            return Place(self._held.box, np.zeros(2), has_events=False)
+        if self._stand is not None:
+            return Place(self._stand.box, np.zeros(2), has_events=False)
         if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
             return None
         return Place(body.box_at(*body.predicted(stamp_ns)), body.velocity, has_events=True)
@@ -482,12 +482,13 @@ class ContourTarget:
     def _found_on_image(self, stamp_ns: int, image: FrameData | None) -> Found | None:
         """Where the images show it. What is held is looked for once something has moved there: that may have been it,
         if it is seen elsewhere now."""
-        if self._held is None or not self._is_held:
+        stand = self._stand
+        if stand is None:
             return self._images.found(stamp_ns, image, self._state, self.last_box)
         if not self._set_off.is_disturbed:
             return None
-        answer = self._images.found(stamp_ns, image, self._state, self._held.box)
-        if answer is not None and answer.box.iou(self._held.box) >= ELSEWHERE_IOU:
+        answer = self._images.found(stamp_ns, image, self._state, stand.box)
+        if answer is not None and answer.box.iou(stand.box) >= ELSEWHERE_IOU:
             self._set_off.is_disturbed = False
             return None
         return answer
