@@ -2,10 +2,10 @@
 
 The states are those of `target`. A target that stands still makes no events and goes on TRACKING where it is: nothing
 says that it is gone, unless something moves through that place. It is RECOVERING when the events where it should be are
-not its own for a while, or when they ended edge by edge while it moved on, as behind something. Then its contours are looked for in a region that grows round
-where its motion would have brought it, and the recovery tracker searches the images. What is followed is looked for on
-images now and then, too, and what is followed again after doubts is compared with what it was before: it may have
-drifted, or something may have drawn it along.
+not its own for a while, or when they ended edge by edge while it moved on, as behind something. Then its contours are
+looked for in a region that grows round where its motion would have brought it, and the recovery tracker searches the
+images. What is followed is looked for on images now and then, too, and what is followed again after doubts is compared
+with what it was before: it may have drifted, or something may have drawn it along.
 """
 
 from __future__ import annotations
