@@ -8,7 +8,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, tracked
 
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig
+from etd_ros.tracking import ContourConfig, TargetState
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.last_clear import (
@@ -54,6 +54,17 @@ def test_what_something_passes_is_followed_on_its_own_way_again(monkeypatch, way
     monkeypatch.setattr(LastClear, "has_strayed", False)
     _, report, truth = tracked(scene, frames=frames)[-1]
     assert overlap(report, truth) < 0.1
+
+
+def test_what_leaves_with_something_else_is_looked_for_where_it_was_clear(monkeypatch):
+    scene = passed(50.0, 2.4, 150.0, 60, 80.0)
+    frames = frames_of(scene)
+    monkeypatch.setattr(LastClear, "found_elsewhere", lambda self: None)
+    *_, (_, report, truth) = tracked(scene, frames=frames)
+    assert overlap(report, truth) > 0.85
+    monkeypatch.setattr(LastClear, "has_strayed", False)
+    *_, (_, report, _) = tracked(scene, frames=frames)
+    assert report.state is TargetState.LOST
 
 
 class Looks:
