@@ -11,8 +11,7 @@ from tracked_scenes import (
     START_NS,
     WIDTH,
     ForgetfulRecovery,
-    events_of,
-    frames_from,
+    frames_without_it,
     overlap,
     scene_of,
     tracked,
@@ -28,17 +27,6 @@ from etd_ros.tracking.surface import TimeSurface
 
 SEEN_UNTIL_S = 0.08
 EMPTY = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
-
-
-def frames_without_it(scene, since_s, until_s=np.inf):
-    """The frames of a scene whose target has no events for a time; what the background has it has."""
-    events = events_of(scene, noise_rate_hz=20_000.0)
-    kept = np.ones(len(events), bool)
-    for k, (t, x, y) in enumerate(zip((events.t - START_NS) * 1e-9, events.x, events.y, strict=True)):
-        if since_s <= t < until_s:
-            left, top, w, h = scene.box("thing", t).scaled(1.4)
-            kept[k] = not (left <= x < left + w and top <= y < top + h)
-    return frames_from(events, kept)
 
 
 def crossing(speed_px_s, duration_s=0.14):

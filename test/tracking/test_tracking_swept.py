@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, frames_without_it, tracked
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
+from etd_ros.tracking import TargetState
 from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.swept import GIVEN_UP_S, SWEPT_S, Swept
@@ -73,3 +74,18 @@ def test_what_lies_in_the_box_of_another_target_is_known_to_pass():
 
     said = taken(moving(textured(np.random.default_rng(1)), 60, 180), AllTaken())
     assert not any(is_swept for _, is_swept, _ in said)
+
+
+def test_a_target_that_vanishes_before_a_camera_that_moves_is_not_said_to_stand_there_for_long(monkeypatch):
+    rng = np.random.default_rng(5)
+    ground = 0.35 + 0.3 * checks(rng, HEIGHT, 2 * WIDTH, cell=9)
+    way = Path((Waypoint(0, 40, 90), Waypoint(1, 240, 90)))
+    thing = Sprite("thing", checks(rng, 36, 36, cell=9), np.ones((36, 36)), way)
+    scene = Scene(WIDTH, HEIGHT, 0.8, np.full((HEIGHT, WIDTH), 0.5), (moving(ground, 60, 28, until_s=0.8), thing))
+    frames = frames_without_it(scene, 0.25)
+    _, report, _ = tracked(scene, frames=frames)[-1]
+    assert (report.state, report.box) == (TargetState.RECOVERING, None)
+    monkeypatch.setattr(Swept, "take", lambda *_: False)
+    _, report, _ = tracked(scene, frames=frames)[-1]
+    assert report.state is TargetState.TRACKING
+    assert report.box is not None

@@ -49,6 +49,17 @@ def frames_from(events, kept=slice(None)):
     return list(FrameSource("atsltd_fine", WIDTH, HEIGHT, Settings()).frames(rest))
 
 
+def frames_without_it(scene, since_s, until_s=np.inf):
+    """The frames of a scene whose target has no events for a time; what the background has it has."""
+    events = events_of(scene, noise_rate_hz=20_000.0)
+    kept = np.ones(len(events), bool)
+    for k, (t, x, y) in enumerate(zip((events.t - START_NS) * 1e-9, events.x, events.y, strict=True)):
+        if since_s <= t < until_s:
+            left, top, w, h = scene.box("thing", t).scaled(1.4)
+            kept[k] = not (left <= x < left + w and top <= y < top + h)
+    return frames_from(events, kept)
+
+
 def tracked(scene, box=None, *, start_s=0.0, config=None, unseen_s=(0.0, 0.0), frames=None, class_id=""):
     """(seconds, report, truth) of each frame from the start on; those that start in a span of time are missing. By
     contours alone, unless a configuration says otherwise: no network makes up for what they would do."""
