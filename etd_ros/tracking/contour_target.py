@@ -344,17 +344,14 @@ class ContourTarget:
         found, sighting = clear.found_elsewhere(), clear.sighting
         if found is None or sighting is None:
             return
-        self._images.forget_lately()
-        self._contours.appear(sighting.impression, found.box, stamp_ns)
+        self._be_as_it_was(found.box, sighting.impression, sighting.usual, CONFIDENCE_FOUND, stamp_ns)
         self._body.velocity[:] = found.velocity
-        self._doubts.begin_anew()
-        self._following.begin_anew(sighting.usual, CONFIDENCE_FOUND)
-        clear.doubt(stamp_ns)
 
     def _look_for_it_as_it_was(self, stamp_ns: int) -> None:
         """What was followed was something else, and can no longer be followed either."""
         sighting = self._last_clear.sighting
         if sighting is not None:
+            # What it was may have left the sensor: that says nothing of the target.
             self._doubts.fail_from(sighting.standing)
             self._doubts.go_back()
             self._images.forget_lately()
@@ -373,13 +370,18 @@ class ContourTarget:
         is_unseen = self._held is not None or self._following.unseen_s > RECENT_S
         if found is None or (self._following.confidence < CONFIDENCE_USUAL and not is_unseen):
             return
-        impression, usual = self._first
+        self._be_as_it_was(found.box, *self._first, found.score, stamp_ns)
+
+    def _be_as_it_was(
+        self, box: Box, impression: Impression, usual: UsualLooks, confidence: float, stamp_ns: int
+    ) -> None:
+        """Follow it where it was found so surely, elsewhere than it was followed or held, and as it looked once."""
         self._images.forget_lately()
-        self._contours.appear(impression, found.box, stamp_ns)
+        self._contours.appear(impression, box, stamp_ns)
         self._state, self._held = TargetState.TRACKING, None
         self._last_clear.doubt(stamp_ns)
         self._doubts.begin_anew()
-        self._following.begin_anew(usual, found.score)
+        self._following.begin_anew(usual, confidence)
 
     def _vanish(self, stamp_ns: int) -> None:
         """A target that was moving has no events any more. It has gone behind something, or has stopped: then it keeps

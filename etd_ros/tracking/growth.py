@@ -144,13 +144,14 @@ def stands_alone(
     own = surface.window(box, 0.0)
     within, wide = (surface.window(box.scaled(RING_SCALE), margin) for margin in (0.0, RING_PX))
     (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
-        (_events(surface, window, span_s, others), _pixels(window)) for window in (own, within, wide)
+        (count_of(surface, window, span_s, others), _pixels(window)) for window in (own, within, wide)
     )
     around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
     return around <= around_max * events / max(1, pixels)
 
 
-def _events(surface: TimeSurface, window: Window, span_s: float, others: OtherBoxes | None) -> int:
+def count_of(surface: TimeSurface, window: Window, span_s: float, others: OtherBoxes | None) -> int:
+    """How many events of a window are at most so old; those of others are left out, if they are given."""
     if others is None:
         return surface.count(window, span_s)
     points, count = surface.points(window, span_s)

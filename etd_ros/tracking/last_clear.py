@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.body import Standing
-from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.contour_search import ContourSearch
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.following import CONFIDENCE_SURE, CONFIDENCE_USUAL, KNOWN_MIN, Following
@@ -37,13 +35,6 @@ class Sighting:
     box: Box
     impression: Impression
     usual: UsualLooks
-
-
-class Found(NamedTuple):
-    """Where a target is: its box (pixels) and velocity (pixels/s)."""
-
-    box: Box
-    velocity: Float64Array
 
 
 class LastClear:
@@ -110,8 +101,8 @@ class LastClear:
         seen = self._following.confidence_as(impression, x, y)
         return seen / max(self._contours.known_as(impression), KNOWN_MIN)
 
-    def found_elsewhere(self) -> Found | None:
-        """Where the target is seen as it was when it was clear, if what is followed does not look like it, and is
+    def found_elsewhere(self) -> Body | None:
+        """The target where it is seen as it was when it was clear, if what is followed does not look like it, and is
         elsewhere."""
         if not self.has_strayed or self.sighting is None or self._since_ns is None:
             return None
@@ -123,11 +114,10 @@ class LastClear:
         if not search.found():
             return None
         body = self._contours.body
-        box = as_it_was.body.box
-        if box.iou(body.box_at(*body.predicted(self._surface.stamp_ns))) > SAME_IOU:
+        if as_it_was.body.box.iou(body.box_at(*body.predicted(self._surface.stamp_ns))) > SAME_IOU:
             self.doubt(self._surface.stamp_ns)
             return None
-        return Found(box, as_it_was.body.velocity)
+        return as_it_was.body
 
     def _begin_search(self, sighting: Sighting, since_ns: int) -> tuple[Contours, ContourSearch]:
         """Contours of the target as it was, and a search for them since a time (ns)."""

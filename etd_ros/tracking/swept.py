@@ -4,6 +4,7 @@ nothing moves through it."""
 from __future__ import annotations
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.growth import count_of
 from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface, Window
 
@@ -58,8 +59,7 @@ class Swept:
         return sum(self._shows_edges(surface, side, SIDE_EVENTS_MIN) for side in sides) >= SIDES_MIN
 
     def _shows_edges(self, surface: TimeSurface, window: Window, events_min: int) -> bool:
-        points, count = surface.points(window, SPAN_S)
-        is_quiet = self._others.leave_out(points, count, surface.stamp_ns) < events_min
+        is_quiet = count_of(surface, window, SPAN_S, self._others) < events_min
         return not is_quiet and not surface.shows_noise(window, SPAN_S)
 
 
