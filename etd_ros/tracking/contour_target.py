@@ -24,7 +24,7 @@ from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import CONFIDENCE_FOUND, ContourSearch
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
-from etd_ros.tracking.drift_watch import ELSEWHERE_IOU, Turns
+from etd_ros.tracking.drift_watch import ELSEWHERE_IOU
 from etd_ros.tracking.following import CONFIDENCE_USUAL, Following, Outcome
 from etd_ros.tracking.held import Held, moving_on
 from etd_ros.tracking.image_search import ImageSearch
@@ -44,6 +44,7 @@ from etd_ros.tracking.target import (
     TrackerConfig,
     starts_again,
 )
+from etd_ros.tracking.turns import Turns
 from etd_ros.tracking.usual_looks import UsualLooks
 
 SEARCH_MARGIN = 1.5

@@ -9,6 +9,7 @@ from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
 from etd_ros.tracking.searched_image import SearchedImage
 from etd_ros.tracking.target import FrameData
+from etd_ros.tracking.turns import Turns
 
 FIRST_IMAGES = 4
 """So many images show what a target looks like at first."""
@@ -16,39 +17,6 @@ ANSWER_NS, ANSWER_MAX_NS = 15_000_000, 100_000_000
 """What is seen elsewhere counts so long after its image: the search has its time, and the target is still near."""
 ELSEWHERE_IOU = 0.2
 """What is seen elsewhere overlaps the box by less."""
-WATCH_NS = 1_990_000_000
-"""From one look for what has drifted to the next, of whichever target: with one image in 50 ms every fortieth. A node
-does not wait for the search, but shares the interpreter's lock and the cores with it, and is slower by some
-milliseconds meanwhile: seldom enough that less than one message in a hundred meets it."""
-
-
-class Turns:
-    """Which of the targets that are followed is looked for elsewhere: one at a time, all in turn, so that many cost no
-    more than one."""
-
-    def __init__(self) -> None:
-        self._stamp_ns = 0
-        self._given_ns: int | None = None
-        self._given = self._asking = 0
-        self._count = 1
-
-    def take(self, stamp_ns: int, last: int | None) -> int | None:
-        """The number of the turn if the image at `stamp_ns` (ns) is for the target that asks, else None.
-
-        Args:
-            stamp_ns: of the image.
-            last: the number of the turn that this target had last, None before the first.
-        """
-        if stamp_ns != self._stamp_ns:
-            self._stamp_ns = stamp_ns
-            self._count, self._asking = max(1, self._asking), 0
-        self._asking += 1
-        is_too_soon = self._given_ns is not None and 0 <= stamp_ns - self._given_ns < WATCH_NS
-        if is_too_soon or (last is not None and self._given + 1 - last < self._count):
-            return None
-        self._given_ns = stamp_ns
-        self._given += 1
-        return self._given
 
 
 class DriftWatch:

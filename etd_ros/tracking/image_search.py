@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found, RecoveryTracker
-from etd_ros.tracking.drift_watch import DriftWatch, Turns
+from etd_ros.tracking.drift_watch import DriftWatch
 from etd_ros.tracking.searched_image import SearchedImage
 from etd_ros.tracking.target import FrameData, TargetState
+from etd_ros.tracking.turns import Turns
 
-REMEMBER_NS = 25_000_000
-SEARCH_NS = {TargetState.RECOVERING: 25_000_000, TargetState.LOST: 175_000_000}
-"""After this time the next image is remembered or searched: with one image in 50 ms each of them, or every fourth. An
-answer counts from the next search on. What may be the target is looked at again as soon as while it is recovering:
-several images have to agree on where it is, and it moves."""
+REMEMBER_NS = SOON_NS = 25_000_000
+"""After this time the next image is remembered, or what was found counts: with one image in 50 ms each. What may be the
+target is looked at again as soon: several images have to agree on where it is, and it moves."""
+IMAGES = {TargetState.RECOVERING: 1, TargetState.LOST: 4}
+"""One in so many is searched, where few targets are lost."""
 
 
 class ImageSearch:
@@ -21,7 +22,7 @@ class ImageSearch:
     Args:
         recovery: the target's own.
         wait_s: how long after the search of an image began its answer is waited for (s), inf: always.
-        turns: of all targets, in being watched; None: this one is alone.
+        turns: of all targets, in being looked for; None: this one is alone.
 
     Attributes:
         watch: sees whether the target has drifted while it is followed.
@@ -30,7 +31,8 @@ class ImageSearch:
     def __init__(self, recovery: RecoveryTracker | None, wait_s: float, turns: Turns | None = None) -> None:
         self._recovery = recovery
         self._wait_s = wait_s
-        self.watch = DriftWatch(recovery.watch() if recovery is not None else None, wait_s, turns or Turns())
+        self._turns = turns or Turns()
+        self.watch = DriftWatch(recovery.watch() if recovery is not None else None, wait_s, self._turns)
         self._searched: SearchedImage | None = None
         self._counts = False
         self._searched_ns = 0
@@ -51,16 +53,18 @@ class ImageSearch:
 
     def found(self, stamp_ns: int, image: FrameData | None, state: TargetState, last_box: Box) -> Found | None:
         """Have this image (uint8, shape (height, width)) searched if it is time; the answer to the one before."""
-        since_ns = stamp_ns - self._searched_ns
-        is_soon = since_ns < SEARCH_NS[TargetState.RECOVERING]
-        if self._recovery is None or image is None or is_soon or self._is_searching():
+        if self._recovery is None or image is None:
             return None
-        if since_ns < SEARCH_NS[state] and not self._recovery.has_lead:
+        wait_ns = self._turns.wait_ns(stamp_ns, IMAGES[state])
+        since_ns = stamp_ns - self._searched_ns
+        if since_ns < SOON_NS or self._is_searching():
             return None
         answer = self._searched.answer() if self._searched is not None and self._counts else None
-        self._searched_ns = stamp_ns
         self._searched, self._counts = None, True
-        if answer is None:
+        if answer is not None:
+            self._searched_ns = stamp_ns
+        elif since_ns >= wait_ns or self._recovery.has_lead:
+            self._searched_ns = stamp_ns
             if state is TargetState.LOST:
                 self._recovery.look_wider()
             self._searched = SearchedImage(self._recovery, stamp_ns, image, last_box)

@@ -21,12 +21,12 @@ from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.drawn_along import DrawnAlong
-from etd_ros.tracking.drift_watch import Turns
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.other_targets import OtherTargets
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
+from etd_ros.tracking.turns import Turns
 
 _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="targets")
 

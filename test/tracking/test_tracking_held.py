@@ -20,7 +20,7 @@ from tracked_scenes import (
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
 from etd_ros.simulation import Waypoint
-from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, drift_watch
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, turns
 from etd_ros.tracking.body import Body
 from etd_ros.tracking.held import MOVES_ON_S, Held, moving_on
 from etd_ros.tracking.surface import TimeSurface
@@ -116,7 +116,7 @@ class Watching(ForgetfulRecovery):
 
 @pytest.mark.parametrize("is_watched", [True, False])
 def test_what_is_held_and_is_seen_elsewhere_on_images_is_followed_there(monkeypatch, is_watched):
-    monkeypatch.setattr(drift_watch, "WATCH_NS", 50_000_000 if is_watched else 10_000_000_000)
+    monkeypatch.setattr(turns, "WATCH_NS", 50_000_000 if is_watched else 10_000_000_000)
     scene = scene_of(Waypoint(0.0, 30.0, 90.0), Waypoint(1.9, 220.0, 90.0), duration_s=1.9)
     recovery = Watching(scene)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0), recovery_factory=lambda: recovery)

@@ -8,13 +8,14 @@ import pytest
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import Found
-from etd_ros.tracking.drift_watch import ANSWER_MAX_NS, ANSWER_NS, FIRST_IMAGES, WATCH_NS, Turns
-from etd_ros.tracking.image_search import REMEMBER_NS, SEARCH_NS, ImageSearch
+from etd_ros.tracking.drift_watch import ANSWER_MAX_NS, ANSWER_NS, FIRST_IMAGES
+from etd_ros.tracking.image_search import IMAGES, REMEMBER_NS, SOON_NS, ImageSearch
 from etd_ros.tracking.target import TargetState
+from etd_ros.tracking.turns import IMAGE_NS, SEARCHES_MAX, WATCH_NS, Turns
 
 IMAGE = np.zeros((20, 30), np.uint8)
 BOX = Box(3, 4, 5, 6)
-DUE_NS = SEARCH_NS[TargetState.RECOVERING]
+DUE_NS = SOON_NS
 
 
 class SlowRecovery:
@@ -58,6 +59,34 @@ class WatchedRecovery(SlowRecovery):
         self.remembered.clear()
 
 
+class Searches:
+    """Of many targets that are lost together, and not found.
+
+    Attributes:
+        counts: how many images were searched for each.
+    """
+
+    def __init__(self, targets, state):
+        self.counts, self._state, turns = [0] * targets, state, Turns()
+        self._images = []
+        for number in range(targets):
+            recovery = SlowRecovery()
+            recovery.search = lambda *_, number=number: self._count(number)
+            self._images.append(ImageSearch(recovery, math.inf, turns))
+            self._images[-1].begin(0)
+
+    def take(self, images):
+        for number in range(1, images + 1):
+            for target in self._images:
+                target.found(number * IMAGE_NS, IMAGE, self._state, BOX)
+        for target in self._images:
+            if target._searched is not None:
+                end_of_search(target)
+
+    def _count(self, number):
+        self.counts[number] += 1
+
+
 @pytest.fixture
 def recovery():
     recovery = SlowRecovery()
@@ -99,7 +128,7 @@ def test_what_may_be_a_lost_target_is_looked_at_again_soon(recovery):
     images = ImageSearch(recovery, math.inf)
     recovery.may_answer.set()
     recovery.search = lambda *_: None
-    lost_ns = SEARCH_NS[TargetState.LOST]
+    lost_ns = Turns().wait_ns(1, IMAGES[TargetState.LOST])
     images.begin(0)
     images.found(lost_ns, IMAGE, TargetState.LOST, BOX)
     searched = []
@@ -249,6 +278,43 @@ def test_no_turn_is_given_soon_after_another():
     assert turns.take(2 * WATCH_NS, None) is not None
 
 
+@pytest.mark.parametrize(
+    ("state", "targets", "times"),
+    [
+        (TargetState.RECOVERING, 1, 1),
+        (TargetState.RECOVERING, SEARCHES_MAX, 1),
+        (TargetState.RECOVERING, 3 * SEARCHES_MAX, 3),
+        (TargetState.LOST, SEARCHES_MAX, 1),
+        (TargetState.LOST, 8 * SEARCHES_MAX, 2),
+    ],
+)
+def test_each_lost_target_is_looked_for_on_fewer_images_the_more_there_are(state, targets, times):
+    searches = Searches(targets, state)
+    searches.take(48)
+    # On the first image nobody knows yet how many there are.
+    assert all(abs(count - 48 / (IMAGES[state] * times)) <= 1 for count in searches.counts)
+
+
+def test_the_first_images_after_a_loss_are_not_those_of_others_alone():
+    few, many = Searches(1, TargetState.RECOVERING), Searches(20, TargetState.RECOVERING)
+    few.take(1)
+    many.take(1)
+    assert few.counts == [1]
+    assert set(many.counts) == {1}
+
+
+@pytest.mark.parametrize("state", list(IMAGES))
+def test_what_was_found_counts_on_the_next_image_however_many_are_lost(recovery, state):
+    recovery.may_answer.set()
+    turns = Turns()
+    for _ in range(20):
+        turns.wait_ns(IMAGE_NS, 1)
+    images = ImageSearch(recovery, math.inf, turns)
+    images.begin(0)
+    assert images.found(IMAGE_NS * 100, IMAGE, state, BOX) is None
+    assert images.found(IMAGE_NS * 101, IMAGE, state, BOX) == Found(BOX, 0.9)
+
+
 def test_who_must_not_wait_goes_on_while_a_target_is_looked_for_elsewhere():
     recovery = WatchedRecovery(FAR)
     recovery.watching.search = recovery.search
@@ -269,7 +335,7 @@ def test_only_a_lost_target_is_looked_for_in_a_wider_region_with_each_search(rec
     images = ImageSearch(recovery, math.inf)
     images.begin(0)
     for number in range(1, 4):
-        images.found(number * SEARCH_NS[state], IMAGE, state, BOX)
+        images.found(number * Turns().wait_ns(1, IMAGES[state]), IMAGE, state, BOX)
         # No search is due.
-        images.found(number * SEARCH_NS[state] + 1, IMAGE, state, BOX)
+        images.found(number * Turns().wait_ns(1, IMAGES[state]) + 1, IMAGE, state, BOX)
     assert recovery.widened == widened

@@ -15,7 +15,7 @@ from etd_ros.settings import Settings
 from etd_ros.simulation import Waypoint, sequence_named
 from etd_ros.stream import StreamGuard
 from etd_ros.targets import TargetStart
-from etd_ros.tracking import MultiTracker, TargetState, contour_search, drift_watch, expected_place
+from etd_ros.tracking import MultiTracker, TargetState, contour_search, expected_place, turns
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import ContourSearch
@@ -71,7 +71,7 @@ def test_a_box_that_a_cover_has_drawn_along_is_put_right_by_images(monkeypatch):
     monkeypatch.setattr(LastClear, "has_strayed", False)
     monkeypatch.setattr(Contours, "restore_memories", lambda self: None)
     # The scene is over before the next look otherwise.
-    monkeypatch.setattr(drift_watch, "WATCH_NS", 490_000_000)
+    monkeypatch.setattr(turns, "WATCH_NS", 490_000_000)
     watched = Settings(recovery=RecoveryConfig(network_agreeing=100))
     seeds = 51, 66
     assert mean_overlap("pillar", seeds, watched) > mean_overlap("pillar", seeds) + 0.05
