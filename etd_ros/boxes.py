@@ -72,12 +72,12 @@ class Box(NamedTuple):
             raise OffSensorError(msg)
 
     def check_not_all(self, width: int, height: int, name: str = "box") -> None:
-        """Refuse a box whose outline lies beyond a width x height sensor on every side: nothing of it could be seen.
+        """Refuse a box whose every side lies on the border of a width x height sensor or beyond: none could be seen.
 
         Raises:
             BoxError: it is one.
         """
-        if self.x < 0 and self.y < 0 and self.x + self.w > width and self.y + self.h > height:
+        if self.x <= 0 and self.y <= 0 and self.x + self.w >= width and self.y + self.h >= height:
             msg = f"{self._text(name)} covers the whole {width}x{height} sensor: give the box of an object on it"
             raise BoxError(msg)
 

@@ -93,11 +93,12 @@ def test_no_target_starts_at_a_box_that_is_too_thin_to_be_followed(box):
     assert grown.at_least(2) == grown
 
 
-def test_a_box_that_covers_the_whole_sensor_is_refused():
+@pytest.mark.parametrize("box", [Box(-1, -1, 102, 82), Box(0, 0, 100, 80)])
+def test_a_box_that_covers_the_whole_sensor_is_refused(box):
     with pytest.raises(BoxError, match="covers the whole 100x80 sensor: give the box of an object on it"):
-        Box(-1, -1, 102, 82).check_not_all(100, 80)
+        box.check_not_all(100, 80)
 
 
-@pytest.mark.parametrize("box", [Box(0, -1, 101, 82), Box(-1, -1, 101, 82), Box(-1, 2, 102, 81)])
+@pytest.mark.parametrize("box", [Box(1, -1, 101, 82), Box(-1, -1, 100, 82), Box(-1, 2, 102, 81)])
 def test_a_box_with_a_side_on_the_sensor_does_not_cover_it(box):
     box.check_not_all(100, 80)

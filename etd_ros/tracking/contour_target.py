@@ -55,6 +55,8 @@ the look is a wide one."""
 RECENT_S, FADES_S, RECENCY_MIN = 0.1, 0.5, 0.01
 """A target that has had no events for longer than this is reported with a score that halves in this time, down to so
 much of what it was."""
+STOOD_S = 0.1
+"""What was followed and has had no events for so long stands."""
 SHAKEN_S = 0.3
 """A camera that comes to a halt shakes for so long at most."""
 FRAME_MIN_S = 0.0003
@@ -330,14 +332,26 @@ class ContourTarget:
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target where it should be, and put its box right where it is seen as usual."""
         outcome = self._following.take(stamp_ns)
-        if outcome is Outcome.LOST:
-            self._fail(stamp_ns)
-        elif outcome is Outcome.VANISHED:
-            self._vanish(stamp_ns)
+        if outcome in (Outcome.LOST, Outcome.VANISHED):
+            if not self._stands_still(stamp_ns):
+                (self._fail if outcome is Outcome.LOST else self._vanish)(stamp_ns)
         elif outcome is Outcome.SEEN:
             if self._refinement and self._following.sees_as_usual:
                 self._refinement.take(self._contours, self._surface)
             self._last_clear.take(stamp_ns, is_sure=self.is_sure)
+        elif self._following.unseen_s > STOOD_S:
+            self._last_clear.stand()
+
+    def _stands_still(self, stamp_ns: int) -> bool:
+        """What cannot be followed any more may be something that came to pass before the target while it stood: then
+        it stands there still. Whether that is so."""
+        stood, sighting = self._last_clear.stood, self._last_clear.sighting
+        if stood is None or sighting is None:
+            return False
+        self.go_back(stamp_ns, stood, sighting.impression)
+        if self._state is TargetState.RECOVERING:
+            self._hold(stamp_ns, None)
+        return True
 
     def _go_where_it_is_as_it_was(self, stamp_ns: int) -> None:
         """What is followed may be something else: where the target is seen as it was when it was clear, it is."""
@@ -371,7 +385,8 @@ class ContourTarget:
         is_unseen = self._held is not None or self._following.unseen_s > RECENT_S
         if found is None or (self._following.confidence < CONFIDENCE_USUAL and not is_unseen):
             return
-        self._be_as_it_was(found.box, *self._first, found.score, stamp_ns)
+        if self._last_clear.believe(*found.box.center):
+            self._be_as_it_was(found.box, *self._first, found.score, stamp_ns)
 
     def _be_as_it_was(
         self, box: Box, impression: Impression, usual: UsualLooks, confidence: float, stamp_ns: int
@@ -402,6 +417,7 @@ class ContourTarget:
         box = self._body.box if self._held is None else self._held.box
         self._held = Held(box, moving, stamp_ns, self._surface)
         self._set_off = SetOff(self._contours, box, stamp_ns)
+        self._last_clear.stand()
         self._swept = Swept(box, stamp_ns, self.others)
 
     def _fail(self, stamp_ns: int, since_ns: int | None = None, *, may_have_left: bool = True) -> None:
@@ -470,6 +486,7 @@ class ContourTarget:
             return
         if self._held is not None and self._swept.take(self._surface):
             self._held = None
+            self._last_clear.forget_where_it_stood()
         search.coast()
         search.keep()
         answer = self._found_on_image(stamp_ns, image)
@@ -477,6 +494,9 @@ class ContourTarget:
             self._body.pose[:2] = answer.box.center
             self._contours.stop()
         elif not search.found():
+            return
+        is_expected = answer is None and not search.is_unsettled
+        if not self._last_clear.believe(*self._body.pose[:2].tolist(), is_expected=is_expected):
             return
         if answer is not None:
             self._go_on(answer.score, is_unsettled=True)

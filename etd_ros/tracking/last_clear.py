@@ -4,13 +4,16 @@ draws its box along, and the model learns it within a few looks, which are sure 
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.body import Body, Standing
 from etd_ros.tracking.contour_search import ContourSearch
-from etd_ros.tracking.contours import Contours, Impression
+from etd_ros.tracking.contours import SPEED_MIN_PX_S, Contours, Impression
 from etd_ros.tracking.following import CONFIDENCE_SURE, CONFIDENCE_USUAL, KNOWN_MIN, Following
+from etd_ros.tracking.growth import stands_alone
+from etd_ros.tracking.set_off import AROUND_S, CROWDED
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import UsualLooks
 
@@ -23,6 +26,8 @@ SETTLED_NS = 2_000_000_000
 """What has been followed surely for so long is the target in any case: it looks otherwise now."""
 STRAYED_MAX, STRAYED_TIMES = 0.5, 2
 """What is seen less surely than this as the target looked, so many times in a row, may be something else."""
+NEAR_SIZES = 0.25
+"""What comes to a halt does so within this part of its size from where it was clear, or it was something else."""
 SAME_IOU = 0.3
 """What is found is what is followed if both boxes overlap by more."""
 
@@ -47,11 +52,14 @@ class LastClear:
 
     Attributes:
         sighting: it when it was clear last; None where it has not been yet.
+        stood: where it stood when something came to pass before it; None where it did not, or is clear again.
     """
 
     def __init__(self, contours: Contours, surface: TimeSurface, following: Following) -> None:
         self._contours, self._surface, self._following = contours, surface, following
         self.sighting: Sighting | None = None
+        self.stood: Standing | None = None
+        self._is_passed = False
         self._noted_ns = 0
         self.doubt(0)
         self._since_ns: int | None = None
@@ -67,8 +75,33 @@ class LastClear:
         """Whether what is followed does not look like the target."""
         return self._strayed_times >= STRAYED_TIMES
 
+    def stand(self) -> None:
+        """It makes no events any more where it is: it stands there, if it is about where it was clear."""
+        if self.stood is None and self.sighting is not None and self._is_near(self.sighting.standing):
+            self.stood, self._is_passed = Standing.of(self._contours.body), False
+
+    def forget_where_it_stood(self) -> None:
+        """What moves there is no passer-by: a camera moves, or it is gone."""
+        self.stood = None
+
+    def _is_near(self, standing: Standing) -> bool:
+        """Whether it is still about where it stood."""
+        body = self._contours.body
+        gone_px = math.dist(body.pose[:2], standing.pose[:2])
+        return gone_px < NEAR_SIZES * math.sqrt(body.box.w * body.box.h)
+
+    def _sets_off_from(self, stood: Standing) -> bool:
+        """Whether what moves where it stood began to there: what passes before it comes from beside it."""
+        if not self._is_near(stood):
+            return False
+        box = self._contours.body.box_at(*stood.pose[:2].tolist())
+        return stands_alone(self._surface, box, AROUND_S, CROWDED, self._contours.own.others)
+
     def take(self, stamp_ns: int, *, is_sure: bool) -> None:
         """Take the last look (ns), by whether it and those before are sure."""
+        if self.stood is not None and not self._is_passed:
+            self._is_passed = not self._sets_off_from(self.stood)
+            self.stood = self.stood if self._is_passed else None
         confidence = self._following.confidence
         if not is_sure or confidence < CONFIDENCE_USUAL:
             self._doubted_ns = stamp_ns
@@ -81,7 +114,7 @@ class LastClear:
 
     def _note(self) -> None:
         """It is clear."""
-        self._since_ns, self._search, self._strayed_times = None, None, 0
+        self._since_ns, self._search, self._strayed_times, self.stood = None, None, 0, None
         body, usual = self._contours.body, copy.copy(self._following.usual)
         self.sighting = Sighting(Standing.of(body), body.box, self._contours.impression(), usual)
 
@@ -90,16 +123,29 @@ class LastClear:
         sure_ns = stamp_ns - self._doubted_ns
         if self.sighting is None:
             return sure_ns > CLEAR_NS
-        seen = self._seen_as(self.sighting.impression)
+        x, y, *_ = self._contours.body.pose.tolist()
+        seen = self._seen_as(self.sighting.impression, x, y)
         self._strayed_times = self._strayed_times + 1 if seen < STRAYED_MAX else 0
         return sure_ns > SETTLED_NS or (sure_ns > CLEAR_NS and seen > SEEN_MIN)
 
-    def _seen_as(self, impression: Impression) -> float:
-        """How surely the target is seen where it is as it once looked, by how much of what its motion shows was known
-        then."""
-        x, y, *_ = self._contours.body.pose.tolist()
+    def _seen_as(self, impression: Impression, x: float, y: float) -> float:
+        """How surely the target is seen at a place (pixels) as it once looked, by how much of what its motion shows, if
+        it has one, was known then."""
         seen = self._following.confidence_as(impression, x, y)
+        if self._contours.body.speed_px_s < SPEED_MIN_PX_S:
+            return seen
         return seen / max(self._contours.known_as(impression), KNOWN_MIN)
+
+    def believe(self, x: float, y: float, *, is_expected: bool = False) -> bool:
+        """Believe, if that can be, that it is at a place (pixels) where something like it was found, perhaps where its
+        motion would have brought it; whether it is. What passes before a target that stands is found, too: so it has to
+        look as it did when it was clear, unless it did not stand, but moved on unseen."""
+        if self.stood is None or self.sighting is None:
+            return True
+        if is_expected and math.hypot(*self.stood.velocity.tolist()) > SPEED_MIN_PX_S:
+            self.stood = None
+            return True
+        return self._seen_as(self.sighting.impression, x, y) > SEEN_MIN
 
     def found_elsewhere(self) -> Body | None:
         """The target where it is seen as it was when it was clear, if what is followed does not look like it, and is

@@ -22,7 +22,9 @@ from etd_ros.recovery import Found
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, turns
 from etd_ros.tracking.body import Body
+from etd_ros.tracking.contour_search import ContourSearch
 from etd_ros.tracking.held import MOVES_ON_S, Held, moving_on
+from etd_ros.tracking.image_search import ImageSearch
 from etd_ros.tracking.surface import TimeSurface
 
 SEEN_UNTIL_S = 0.08
@@ -117,6 +119,9 @@ class Watching(ForgetfulRecovery):
 @pytest.mark.parametrize("is_watched", [True, False])
 def test_what_is_held_and_is_seen_elsewhere_on_images_is_followed_there(monkeypatch, is_watched):
     monkeypatch.setattr(turns, "WATCH_NS", 50_000_000 if is_watched else 10_000_000_000)
+    # What is lost would be found, too.
+    monkeypatch.setattr(ImageSearch, "found", lambda *_: None)
+    monkeypatch.setattr(ContourSearch, "found", lambda _: False)
     scene = scene_of(Waypoint(0.0, 30.0, 90.0), Waypoint(1.9, 220.0, 90.0), duration_s=1.9)
     recovery = Watching(scene)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0), recovery_factory=lambda: recovery)

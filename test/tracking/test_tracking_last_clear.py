@@ -8,11 +8,12 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, tracked
 
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig, TargetState
+from etd_ros.tracking import ContourConfig, TargetState, last_clear
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.last_clear import (
     CLEAR_NS,
+    NEAR_SIZES,
     NOTE_NS,
     SEEN_MIN,
     SETTLED_NS,
@@ -65,6 +66,51 @@ def test_what_leaves_with_something_else_is_looked_for_where_it_was_clear(monkey
     monkeypatch.setattr(LastClear, "has_strayed", False)
     *_, (_, report, _) = tracked(scene, frames=frames)
     assert report.state is TargetState.LOST
+
+
+STOPPED_S, PASSED_S, STANDS_S = 1.0, 1.4, 2.4
+"""When the thing has come to a halt, when something else is over it, and until when both are watched."""
+
+
+def stood(*, brakes, goes_on=False):
+    """A checked square that comes to a halt, brakes before it does or stops at once, and is passed; perhaps it goes on
+    the way it came."""
+    rng = np.random.default_rng(0)
+    wall = 0.5 + 0.05 * smooth_noise(rng, HEIGHT, WIDTH)
+    halted_x = WIDTH / 2
+    slow = (Waypoint(0.8, halted_x - 6, 90), Waypoint(0.9, halted_x - 1, 90)) if brakes else ()
+    further = (Waypoint(STANDS_S, halted_x, 90), Waypoint(STANDS_S + 0.6, halted_x + 30, 90)) if goes_on else ()
+    path = Path((Waypoint(0, halted_x - 60, 90), *slow, Waypoint(STOPPED_S, halted_x, 90), *further))
+    duration_s = STANDS_S + 0.6 * goes_on
+    far_px = 300 * (PASSED_S - 0.9)
+    passing = Path(
+        (Waypoint(0.9, halted_x - far_px, 98), Waypoint(duration_s, halted_x + 300 * (duration_s - PASSED_S), 98))
+    )
+    ways = (("thing", SIZE_PX, path, 8), ("passing", SIZE_PX + 4, passing, 10))
+    sprites = []
+    for name, size, way, cell in ways:
+        surface = checks(rng, size, size, cell=cell)
+        sprites.append(Sprite(name, surface, np.ones(surface.shape), way, is_target=name == "thing"))
+    return Scene(WIDTH, HEIGHT, duration_s, wall, tuple(sprites))
+
+
+@pytest.mark.parametrize("brakes", [True, False], ids=["it brakes", "it stops at once"])
+def test_what_stands_is_there_still_when_something_has_passed_before_it(brakes):
+    *_, (_, report, truth) = tracked(stood(brakes=brakes))
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, truth) > 0.85
+
+
+def test_what_brakes_and_stands_would_be_lost_to_what_passes_if_nobody_knew_that_it_stood(monkeypatch):
+    monkeypatch.setattr(LastClear, "stand", lambda self: None)
+    *_, (_, report, truth) = tracked(stood(brakes=True))
+    assert overlap(report, truth) < 0.5
+
+
+@pytest.mark.parametrize("brakes", [True, False], ids=["it brakes", "it stops at once"])
+def test_what_was_passed_while_it_stood_is_followed_when_it_goes_on(brakes):
+    *_, (_, report, truth) = tracked(stood(brakes=brakes, goes_on=True))
+    assert overlap(report, truth) > 0.85
 
 
 class Looks:
@@ -172,3 +218,68 @@ def test_what_is_doubted_is_looked_for_elsewhere_only_once_it_has_strayed(seen):
     take()
     take(is_sure=False)
     assert clear.found_elsewhere() is None
+
+
+def standing(clear, take):
+    """What has come to a halt where it was clear."""
+    take()
+    clear.stand()
+    assert clear.stood is not None
+
+
+@pytest.mark.parametrize(("alone", "stands"), [(True, False), (False, True)], ids=["it sets off", "something passes"])
+def test_what_moves_where_a_target_stood_is_the_target_if_it_began_to_there(seen, monkeypatch, alone, stands):
+    _, clear, take = seen
+    standing(clear, take)
+    monkeypatch.setattr(last_clear, "stands_alone", lambda *_: alone)
+    take(is_sure=False)
+    assert (clear.stood is not None) is stands
+
+
+def test_what_moves_elsewhere_than_where_a_target_stood_has_not_set_off_from_there(seen, monkeypatch):
+    _, clear, take = seen
+    standing(clear, take)
+    monkeypatch.setattr(last_clear, "stands_alone", lambda *_: True)
+    clear.stood.pose[0] += NEAR_SIZES * SIZE_PX
+    take(is_sure=False)
+    assert clear.stood is not None
+
+
+def test_what_halts_far_from_where_it_was_clear_is_not_said_to_stand(seen):
+    _, clear, take = seen
+    take()
+    clear.sighting.standing.pose[0] += NEAR_SIZES * SIZE_PX
+    clear.stand()
+    assert clear.stood is None
+
+
+def test_what_is_found_while_a_target_stands_has_to_look_as_it_did(seen):
+    looks, clear, take = seen
+    standing(clear, take)
+    looks.seen_as_before = SEEN_MIN
+    assert not clear.believe(0.0, 0.0)
+    looks.seen_as_before = SEEN_MIN + 0.01
+    assert clear.believe(0.0, 0.0)
+    looks.seen_as_before = 0.0
+    assert not clear.believe(0.0, 0.0)
+    clear.forget_where_it_stood()
+    assert clear.believe(0.0, 0.0)
+
+
+@pytest.mark.parametrize(("speed_px_s", "moved_on"), [(100.0, True), (0.0, False)])
+def test_what_vanished_on_its_way_may_be_found_where_that_brings_it(seen, speed_px_s, moved_on):
+    looks, clear, take = seen
+    standing(clear, take)
+    looks.seen_as_before = 0.0
+    clear.stood.velocity[:] = speed_px_s, 0.0
+    assert clear.believe(0.0, 0.0, is_expected=True) is moved_on
+    assert (clear.stood is None) is moved_on
+
+
+def test_what_is_clear_again_does_not_stand_where_it_stood(seen, monkeypatch):
+    _, clear, take = seen
+    standing(clear, take)
+    monkeypatch.setattr(last_clear, "stands_alone", lambda *_: False)
+    take(is_sure=False)
+    take(CLEAR_NS // NOTE_NS + 1)
+    assert clear.stood is None
