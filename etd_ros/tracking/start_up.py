@@ -156,6 +156,7 @@ class StartUp:
         if has_left:
             events = self._collected.events
         self._growing_per_s = self._turning_rad_s = 0.0
+        along = body.velocity
         if not has_left:
             self._take_flow(surface, events, time_s)
         moved = math.hypot(body.speed_px_s, *self._outline_px_s()) * time_s
@@ -164,6 +165,9 @@ class StartUp:
             or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px))
             or time_s >= TIME_MAX_S
         )
+        if is_over and self._turning_rad_s != 0 and self._is_before_what_moves_otherwise(events, along, time_s):
+            body.velocity = along
+            self._growing_per_s = self._turning_rad_s = 0.0
         if is_over and not any(self._outline_px_s()):
             apart = self._apart(events, time_s)
             if apart is not None:
@@ -183,6 +187,13 @@ class StartUp:
         if is_over:
             self._finish(events, moved, surface)
         return is_over
+
+    def _is_before_what_moves_otherwise(self, events: Float32Array, velocity: Float64Array, time_s: float) -> bool:
+        """Whether what is round the target moves as one, and otherwise than the target does if it does not turn
+        (pixels/s): seen beside it, on one side more than on the other, that makes its edges seem to turn."""
+        backdrop = self._contours.own.backdrop
+        backdrop.see_start(events, self._pose, time_s)
+        return backdrop.is_settled and not backdrop.is_with(velocity, time_s)
 
     def _apart(self, events: Float32Array, time_s: float) -> Apart | None:
         """The target told from what moves as one round it, if that moves otherwise."""

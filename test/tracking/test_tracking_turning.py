@@ -1,14 +1,21 @@
 """What turns in place or on its way is followed from its start on, by a box that turns with it."""
 
 import math
+from itertools import takewhile
 
 import numpy as np
 import pytest
 from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
+from etd_ros.engine import track
+from etd_ros.evaluation import read_boxes
+from etd_ros.evaluation.scoring import label_overlaps
+from etd_ros.evaluation.tracks import TrackRow
+from etd_ros.recordings import open_recording
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.things import ball, dartboard
+from etd_ros.targets import TargetStart
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, contours
 from etd_ros.tracking.body import Body
 from etd_ros.tracking.contour_kernels import ANGLE
@@ -53,6 +60,24 @@ def test_what_turns_in_place_keeps_its_box(rad_s):
 
 def test_what_turns_on_its_way_keeps_its_box():
     assert np.mean(overlaps_at_the_end(turning(lambda t: 3 * t, moves_px_s=80.0))) > 0.7
+
+
+LATER_S, FOR_S = 0.4, 0.5
+
+
+def test_what_lies_behind_one_half_of_a_target_does_not_make_it_turn(data):
+    """A ball that a camera slides past, and books behind its upper half, which go by more slowly."""
+    folder = data / "slider_depth"
+    labels = read_boxes(folder / "boxes.csv")["tennis_ball"]
+    begins_ns = labels[0].stamp_ns + round(LATER_S * 1e9)
+    labels = [label for label in labels if 0 <= label.stamp_ns - begins_ns <= FOR_S * 1e9]
+    start = TargetStart("ball", labels[0].box, labels[0].stamp_ns)
+    with open_recording(folder / "slider_depth.bag") as recording:
+        steps = track(recording.streams(), [start], threads=False)
+        before = takewhile(lambda step: step.frame.stamp_ns <= labels[-1].stamp_ns, steps)
+        reports = [(step.frame.stamp_ns, report) for step in before for report in step.reports]
+    rows = [TrackRow(stamp_ns, "ball", report.box, report.score, report.state.value) for stamp_ns, report in reports]
+    assert np.mean(label_overlaps(rows, labels[1:])) > 0.9
 
 
 def test_what_swings_keeps_its_box():
