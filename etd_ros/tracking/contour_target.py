@@ -332,9 +332,12 @@ class ContourTarget:
     def _follow(self, stamp_ns: int) -> None:
         """Look for the target where it should be, and put its box right where it is seen as usual."""
         outcome = self._following.take(stamp_ns)
-        if outcome in (Outcome.LOST, Outcome.VANISHED):
-            if not self._stands_still(stamp_ns):
-                (self._fail if outcome is Outcome.LOST else self._vanish)(stamp_ns)
+        if outcome in (Outcome.LOST, Outcome.VANISHED) and self._goes_on_standing(stamp_ns):
+            return
+        if outcome is Outcome.LOST:
+            self._fail(stamp_ns)
+        elif outcome is Outcome.VANISHED:
+            self._vanish(stamp_ns)
         elif outcome is Outcome.SEEN:
             if self._refinement and self._following.sees_as_usual:
                 self._refinement.take(self._contours, self._surface)
@@ -342,7 +345,7 @@ class ContourTarget:
         elif self._following.unseen_s > STOOD_S:
             self._last_clear.stand()
 
-    def _stands_still(self, stamp_ns: int) -> bool:
+    def _goes_on_standing(self, stamp_ns: int) -> bool:
         """What cannot be followed any more may be something that came to pass before the target while it stood: then
         it stands there still. Whether that is so."""
         stood, sighting = self._last_clear.stood, self._last_clear.sighting

@@ -100,8 +100,10 @@ class LastClear:
     def take(self, stamp_ns: int, *, is_sure: bool) -> None:
         """Take the last look (ns), by whether it and those before are sure."""
         if self.stood is not None and not self._is_passed:
-            self._is_passed = not self._sets_off_from(self.stood)
-            self.stood = self.stood if self._is_passed else None
+            if self._sets_off_from(self.stood):
+                self.stood = None
+            else:
+                self._is_passed = True
         confidence = self._following.confidence
         if not is_sure or confidence < CONFIDENCE_USUAL:
             self._doubted_ns = stamp_ns
