@@ -90,7 +90,11 @@ def _add_for_simulated(group: argparse._ArgumentGroup) -> None:
         help="score what starts by itself and at clicks instead of what is tracked",
     )
     group.add_argument("--method", help=f"one of {', '.join(METHODS)} (default: {DEFAULT_METHOD})")
-    group.add_argument("--seed", type=int, help="of the first random sequence (default: 0)")
+    group.add_argument(
+        "--seed",
+        type=int,
+        help="of the first random sequence (default: 0), or of all of the suite instead of their own",
+    )
     group.add_argument(
         "--write", type=Path, metavar="FILE.csv", help="also write a row for each target (--start: sequence)"
     )

@@ -35,7 +35,7 @@ def run_simulated(options: argparse.Namespace, settings: Settings) -> None:
     Raises:
         EvaluationError: a number that is out of range, or no target in any sequence.
     """
-    options.method, options.seed = options.method or DEFAULT_METHOD, options.seed or 0
+    options.method = options.method or DEFAULT_METHOD
     method_named(options.method)
     check_outputs(options.write)
     sequences = _sequences(options)
@@ -83,15 +83,21 @@ def _start(sequences: Sequence[Simulated], settings: Settings, options: argparse
 
 
 def _sequences(options: argparse.Namespace) -> list[Simulated]:
+    seed = options.seed
+    if seed is not None and seed < 0:
+        msg = f"--seed {seed} is below 0: give a seed of 0 or more"
+        raise EvaluationError(msg)
     if options.suite:
-        return [sequence_named(name) for name in options.only] or list(SUITE.values())
+        sequences = [sequence_named(name) for name in options.only] or list(SUITE.values())
+        return sequences if seed is None else [sequence.with_seed(seed) for sequence in sequences]
     if options.only:
         msg = f"--only {' '.join(options.only)} names sequences of the suite or of datasets: give --suite or --dataset"
         raise EvaluationError(msg)
-    if options.random < 1 or options.seed < 0:
-        msg = f"--random {options.random} --seed {options.seed}: give at least 1 sequence, and a seed of 0 or more"
+    if options.random < 1:
+        msg = f"--random {options.random}: give at least 1 sequence"
         raise EvaluationError(msg)
-    return random_sequences(range(options.seed, options.seed + options.random))
+    first = seed or 0
+    return random_sequences(range(first, first + options.random))
 
 
 def _row(name: str, results: Sequence[TargetResult]) -> str:

@@ -58,8 +58,7 @@ class Body:
     @property
     def box(self) -> Box:
         """Its box (pixels)."""
-        x, y, _, _ = self.pose.tolist()
-        return self._model_box.at(x, y, self.pose)
+        return self._model_box.of(self.pose)
 
     def box_at(self, x: float, y: float, times: float = 1.0) -> Box:
         """Its box if its centre is there (pixels), or one round the same middle so many times as wide and high."""

@@ -68,8 +68,9 @@ class BoxRefinement:
         around = body.box_at(*body.predicted(surface.stamp_ns)).scaled(VIEW_MARGIN)
         surface.keep(surface.window(around, 0.0))
 
-    def take(self, contours: Contours, surface: TimeSurface) -> None:
-        """Put the box right, where it is time; the target has just been followed, surely."""
+    def take(self, contours: Contours, surface: TimeSurface, patience: float) -> None:
+        """Put the box right, where it is time, for which a slow target waits `patience` times as long; the target has
+        just been followed, surely."""
         self._looks += 1
         if self._first is None:
             if self._looks < FIRST_LOOKS:
@@ -77,9 +78,11 @@ class BoxRefinement:
             self._first = contours.usual_maps()
         elapsed_s = (surface.stamp_ns - self._stamp_ns) * 1e-9
         speed_px_s = contours.body.speed_px_s
-        if speed_px_s <= SPEED_MIN_PX_S or (speed_px_s * elapsed_s < MOTION_PX and elapsed_s < TIME_S):
-            return
         takes_all_on = _takes_all_on(contours)
+        times = 1.0 if takes_all_on else patience
+        is_soon = speed_px_s * elapsed_s < times * MOTION_PX and elapsed_s < times * TIME_S
+        if speed_px_s <= SPEED_MIN_PX_S or is_soon:
+            return
         # Beyond the border nothing is seen.
         if surface.inside_px(contours.body.box) < (0.0 if takes_all_on else SLOW_MARGIN_PX):
             return

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from etd_ros.boxes import Box
 from etd_ros.tracking.arrivals import Arrivals, Side
 from etd_ros.tracking.body import Standing, moved_on
 from etd_ros.tracking.contour_kernels import Float64Array
@@ -164,23 +165,25 @@ class ContourSearch:
     def keep(self) -> None:
         """Keep the surface up to date where the next looks may be; what is found at a region's edge is compared with
         places beyond, of which fewer events are known then."""
-        body, surface = self._contours.body, self._surface
+        surface = self._surface
+        left, top, width, height = self._contours.body.box_at(0.0, 0.0, MARGIN)
         for place in self._places():
-            box = body.box_at(place.x, place.y, MARGIN)
+            box = Box(place.x + left, place.y + top, width, height)
             surface.keep_too(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
         if self._arrivals is not None:
             self._arrivals.keep()
 
-    def found(self) -> bool:
-        """Whether looks that follow one another find the target's contours; the pose is there then."""
+    def found(self, patience: float = 1.0) -> bool:
+        """Whether looks that follow one another find the target's contours; the pose is there then. Where nothing that
+        may be it is seen, the next look waits `patience` times as long."""
         stamp_ns, body = self._surface.stamp_ns, self._contours.body
         if self._is_expected_on_sensor():
-            look = self._expected.found()
+            look = self._expected.found(patience)
             if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX):
                 body.pose[:2] = look.x, look.y
                 self.is_unsettled = False
                 return True
-        if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else SEARCH_NS):
+        if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else patience * SEARCH_NS):
             return False
         self._searched_ns = stamp_ns
         look = self._look_again() if self._path else self._begin(self._look_round())

@@ -93,7 +93,7 @@ class ContourTarget:
         self._surface = surface
         self._recovery_factory = recovery_factory
         self._search_wait_s = search_wait_s
-        self._turns = turns
+        self._turns = turns or Turns()
         self._corrector = corrector
         self._state: TargetState
         self._contours: Contours
@@ -240,19 +240,24 @@ class ContourTarget:
 
     def _look(self, stamp_ns: int, image: FrameData | None) -> None:
         """Take what the newest frame shows of the target."""
-        if self._refinement and self._state is TargetState.TRACKING:
-            self._refinement.keep(self._contours, self._surface)
-        new_events = self._contours.keep(self._surface)
-        if self._state is not TargetState.TRACKING:
+        if self._state is TargetState.TRACKING:
+            self._look_at_it(stamp_ns)
+        else:
             self._look_for_it(stamp_ns, image)
-        elif self._start_up is not None:
-            if self._start_up.take(self._surface, new_events):
-                self._start_up = None
-        elif self._contours.is_due(stamp_ns, is_sure=self.is_sure):
-            self._follow(stamp_ns)
         if self.is_followed:
             self._go_where_it_is_as_it_was(stamp_ns)
         self._watch_for_turn(stamp_ns)
+
+    def _look_at_it(self, stamp_ns: int) -> None:
+        """Keep the surface up to date round it, and go on with its start or follow it where that is due."""
+        if self._refinement:
+            self._refinement.keep(self._contours, self._surface)
+        new_events = self._contours.keep(self._surface)
+        if self._start_up is not None:
+            if self._start_up.take(self._surface, new_events):
+                self._start_up = None
+        elif self._contours.is_due(stamp_ns, is_sure=self.is_sure, patience=self._turns.patience):
+            self._follow(stamp_ns)
 
     def _watch_for_turn(self, stamp_ns: int) -> None:
         """What was fast may have bounced off something where looks begin to fail."""
@@ -340,7 +345,7 @@ class ContourTarget:
             self._vanish(stamp_ns)
         elif outcome is Outcome.SEEN:
             if self._refinement and self._following.sees_as_usual:
-                self._refinement.take(self._contours, self._surface)
+                self._refinement.take(self._contours, self._surface, self._turns.patience)
             self._last_clear.take(stamp_ns, is_sure=self.is_sure)
         elif self._following.unseen_s > STOOD_S:
             self._last_clear.stand()
@@ -359,7 +364,7 @@ class ContourTarget:
     def _go_where_it_is_as_it_was(self, stamp_ns: int) -> None:
         """What is followed may be something else: where the target is seen as it was when it was clear, it is."""
         clear = self._last_clear
-        found, sighting = clear.found_elsewhere(), clear.sighting
+        found, sighting = clear.found_elsewhere(self._turns.patience), clear.sighting
         if found is None or sighting is None:
             return
         self._be_as_it_was(found.box, sighting.impression, sighting.usual, CONFIDENCE_FOUND, stamp_ns)
@@ -496,7 +501,7 @@ class ContourTarget:
         if answer is not None:
             self._body.pose[:2] = answer.box.center
             self._contours.stop()
-        elif not search.found():
+        elif not search.found(self._turns.patience):
             return
         is_expected = answer is None and not search.is_unsettled
         if not self._last_clear.believe(*self._body.pose[:2].tolist(), is_expected=is_expected):
@@ -548,4 +553,5 @@ class ContourTarget:
         self._state = TargetState.TRACKING
         self._held = None
         self._doubts.begin_anew()
+        self._contours.look_soon()
         self._following.go_on(confidence, is_unsettled=is_unsettled)

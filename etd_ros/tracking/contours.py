@@ -150,10 +150,17 @@ class Contours:
         self._pace.wait_with(new)
         return new
 
-    def is_due(self, stamp_ns: int, *, is_sure: bool) -> bool:
-        """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on."""
+    def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float) -> bool:
+        """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on;
+        `patience` as for `LookPace.is_due`."""
         body = self.body
-        return self._pace.is_due(body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure)
+        return self._pace.is_due(
+            body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure, patience=patience
+        )
+
+    def look_soon(self) -> None:
+        """Whatever events there are, the next look is due as soon as it can be."""
+        self._pace.look_soon()
 
     def take_turning_of_flow(self, surface: TimeSurface) -> None:
         """Believe how fast a target that began to turn does so by the flow of its edges. Looks cannot tell when it

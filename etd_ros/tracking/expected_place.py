@@ -47,10 +47,11 @@ class ExpectedPlace:
         """Frames were missing: what has come since is too little for a look."""
         self._looked_ns = self._surface.stamp_ns
 
-    def found(self) -> Look | None:
-        """The last of so many looks that agree, if there are; the body's pose and velocity are the expected ones."""
+    def found(self, patience: float) -> Look | None:
+        """The last of so many looks that agree, if there are; the body's pose and velocity are the expected ones.
+        `patience` as for `ContourSearch.found`."""
         stamp_ns = self._surface.stamp_ns
-        if stamp_ns - self._looked_ns < (CONFIRM_NS if self._offsets else SEARCH_NS):
+        if stamp_ns - self._looked_ns < (CONFIRM_NS if self._offsets else patience * SEARCH_NS):
             return None
         self._looked_ns = stamp_ns
         x, y = self._contours.body.pose[:2].tolist()

@@ -149,9 +149,9 @@ class LastClear:
             return True
         return self._seen_as(self.sighting.impression, x, y) > SEEN_MIN
 
-    def found_elsewhere(self) -> Body | None:
+    def found_elsewhere(self, patience: float) -> Body | None:
         """The target where it is seen as it was when it was clear, if what is followed does not look like it, and is
-        elsewhere."""
+        elsewhere; `patience` as for `ContourSearch.found`."""
         if not self.has_strayed or self.sighting is None or self._since_ns is None:
             return None
         if self._search is None:
@@ -159,7 +159,7 @@ class LastClear:
         as_it_was, search = self._search
         search.coast()
         search.keep()
-        if not search.found():
+        if not search.found(patience):
             return None
         body = self._contours.body
         if as_it_was.body.box.iou(body.box_at(*body.predicted(self._surface.stamp_ns))) > SAME_IOU:

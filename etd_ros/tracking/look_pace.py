@@ -10,6 +10,7 @@ VERY_FAST_SIZES_PER_S = 20.0
 """What moves faster than this leaves its box within a frame, also where its looks fail."""
 EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
+EVENTS_ENOUGH = 1_000_000
 EVENTS_SHARE = 0.3
 """A look waits for this share of the events that a pixel of motion brings."""
 WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
@@ -49,13 +50,20 @@ class LookPace:
         """There are so many more events that no look has taken."""
         self._events_waiting += new_events
 
-    def is_due(self, elapsed_s: float, speed_px_s: float, sizes_per_s: float, *, is_sure: bool) -> bool:
+    def look_soon(self) -> None:
+        """There is enough for the next look."""
+        self._events_waiting = EVENTS_ENOUGH
+
+    def is_due(
+        self, elapsed_s: float, speed_px_s: float, sizes_per_s: float, *, is_sure: bool, patience: float = 1.0
+    ) -> bool:
         """Whether it is time for a look, so long after the last one; the events for the next one count from then on.
-        Looks that are not sure wait for more."""
+        Looks that are not sure wait for more; sure ones at what is slow wait `patience` times as long."""
         if elapsed_s < WAIT_MIN_S and sizes_per_s > VERY_FAST_SIZES_PER_S and not is_sure:
             return False
         moved_px = speed_px_s * elapsed_s
-        if moved_px < WAIT_MIN_PX and elapsed_s < WAIT_MIN_S:
+        times = patience if is_sure and sizes_per_s < FAST_SIZES_PER_S else 1.0
+        if moved_px < times * WAIT_MIN_PX and elapsed_s < times * WAIT_MIN_S:
             return False
         if elapsed_s < WAIT_FAST_S and FAST_SIZES_PER_S < sizes_per_s < WAIT_FAST_SIZES / elapsed_s:
             return False

@@ -31,12 +31,21 @@ class ModelBox:
         self._offset = np.zeros(2)
         self._growth = np.zeros(2)
         self._placed_for: tuple[float, float] | None = None
+        self._box: Box | None = None
+        self._box_for = 0.0, 0.0, 0.0, 0.0
         self._reach: Float64Array | None = None
 
     def take_shape(self, reach: Float64Array | None) -> None:
         """Know how far what is in the box reaches in each direction, as `reach_of` says, if it does."""
         self._reach = reach
-        self._placed_for = None
+        self._placed_for = self._box = None
+
+    def of(self, pose: Float64Array) -> Box:
+        """The box, if the model's middle, scale and angle are those of a pose."""
+        x, y, scale, angle = pose.tolist()
+        if self._box is None or self._box_for != (x, y, scale, angle):
+            self._box, self._box_for = self.at(x, y, pose), (x, y, scale, angle)
+        return self._box
 
     def at(self, x: float, y: float, pose: Float64Array, times: float = 1.0) -> Box:
         """The box, or `times` as wide and high a one round its middle, if the model's middle is there (pixels) and its
@@ -83,12 +92,12 @@ class ModelBox:
         self._growth += cos**2 * wider + sin**2 * higher, cos**2 * higher + sin**2 * wider
         np.clip(self._offset, -OFFSET_MAX, OFFSET_MAX, out=self._offset)
         np.clip(self._growth, -math.log(RATIO_MAX), math.log(RATIO_MAX), out=self._growth)
-        self._placed_for = None
+        self._placed_for = self._box = None
 
     def reset(self) -> None:
         """Lie on the model as at the start."""
         self._offset[:] = self._growth[:] = 0
-        self._placed_for = None
+        self._placed_for = self._box = None
 
     def _outline(self, across: float, down: float, angle_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """How wide and high the thing in the box is when turned, and how far the middle of that is to the right of and

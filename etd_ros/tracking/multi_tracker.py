@@ -245,6 +245,7 @@ class MultiTracker:
         if contours:
             self._take_rest(frame, contours)
         self._other_targets.take(stamp_ns, contours)
+        self._turns.share_among(sum(target.state is not TargetState.IDLE for target in contours))
         reports = self._reports(stamp_ns, frame, image)
         if len(contours) > 1:
             self._drawn_along.take(stamp_ns, contours)

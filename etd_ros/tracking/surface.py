@@ -80,10 +80,13 @@ class TimeSurface:
 
     def window(self, box: Box, margin: float) -> Window:
         """The pixels in a box and a margin (pixels) round it, as far as they lie on the sensor."""
-        left, top = max(0, math.floor(box.x - margin)), max(0, math.floor(box.y - margin))
-        right = min(self.width, math.ceil(box.x + box.w + margin))
-        bottom = min(self.height, math.ceil(box.y + box.h + margin))
-        return top, max(top, bottom), left, max(left, right)
+        x, y, w, h = box
+        left, top = math.floor(x - margin), math.floor(y - margin)
+        right, bottom = math.ceil(x + w + margin), math.ceil(y + h + margin)
+        # Asked for several times a target and frame: calls of `max` and `min` would take most of the time.
+        left, top = left if left > 0 else 0, top if top > 0 else 0
+        right, bottom = right if right < self.width else self.width, bottom if bottom < self.height else self.height
+        return top, bottom if bottom > top else top, left, right if right > left else left
 
     def keep(self, window: Window) -> int:
         """Enter the newest frame's events of a window; how many pixels they are."""

@@ -1,4 +1,5 @@
-"""Which targets are looked for on an image: many together cost little more than few."""
+"""How often each of many targets is looked at, and which of them are looked for on an image: many together cost little
+more than few."""
 
 from __future__ import annotations
 
@@ -10,19 +11,30 @@ SEARCHES_MAX = 2
 """So many lost targets are looked for on an image: a search takes 10 ms of a core, and an image comes in 50 ms."""
 IMAGE_NS = 50_000_000
 """From one image to the next, usually."""
+FEW, PATIENCE_MAX = 8, 2.5
+"""So many targets are looked at as often as one alone; of more, each waits so many times as long at most."""
 
 
 class Turns:
     """Of all targets: those that are followed are looked for elsewhere one at a time, all in turn, so that many cost no
-    more than one; of those that are lost, each is looked for the less often the more there are."""
+    more than one; of those that are lost, each is looked for the less often the more there are.
+
+    Attributes:
+        patience: how many times as long as one alone each target waits for the next look at its contours.
+    """
 
     def __init__(self) -> None:
+        self.patience = 1.0
         self._stamp_ns = 0
         self._given_ns: int | None = None
         self._given = self._asking = 0
         self._count = 1
         self._lost_stamp_ns = 0
         self._lost = self._lost_before = 0.0
+
+    def share_among(self, targets: int) -> None:
+        """There are so many targets now."""
+        self.patience = min(max(targets / FEW, 1.0), PATIENCE_MAX)
 
     def take(self, stamp_ns: int, last: int | None) -> int | None:
         """The number of the turn if the image at `stamp_ns` (ns) is for the followed target that asks, else None.

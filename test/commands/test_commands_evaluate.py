@@ -233,6 +233,16 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path, capsys):
     assert "is a folder" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("short_suite")
+def test_the_suite_has_other_scenes_with_another_seed(capsys):
+    tables = []
+    for seed in ([], ["--seed", "7"], ["--seed", "7"]):
+        assert main(["evaluate", "--suite", "--method", "etd-nr", *seed]) == 0
+        tables.append(capsys.readouterr().out)
+    own, other, again = tables
+    assert own != other == again
+
+
 def test_results_are_written_whole_with_three_decimals(tmp_path):
     result = TargetResult("here", "thing", 0.12345, 1.0, 9, 1, 0, 2, 1, 1, 0.25, 0.5, 2, 1)
     write_results(tmp_path / "results.csv", [result])
@@ -248,6 +258,7 @@ def test_results_are_written_whole_with_three_decimals(tmp_path):
         (["--suite", "--jobs", "0"], "--jobs 0"),
         (["--random", "0"], "--random 0"),
         (["--random", "1", "--seed", "-1"], "--seed -1"),
+        (["--suite", "--seed", "-1"], "--seed -1"),
         (["--random", "1", "--only", "ball"], "--only"),
         (["--suite", "--set", "moon=1"], "moon"),
     ],

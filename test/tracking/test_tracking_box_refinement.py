@@ -210,10 +210,10 @@ def test_nobody_is_asked_about_what_hardly_moves(speed_px_s, is_asked, slow, slo
 
 
 def at_speed(speed_px_s, take):
-    def taken(refinement, contours, surface):
+    def taken(refinement, contours, surface, patience):
         velocity = contours.body.velocity.copy()
         contours.body.velocity[:] = speed_px_s, 0.0
-        take(refinement, contours, surface)
+        take(refinement, contours, surface, patience)
         contours.body.velocity[:] = velocity
 
     return taken
