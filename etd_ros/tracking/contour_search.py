@@ -194,12 +194,12 @@ class ContourSearch:
         if confidence_turned < CONFIDENCE_CANDIDATE or not self._is_possible(look, is_first=not self._path):
             if len(self._path) >= FOUND_LOOKS and not self.has_left:
                 self._glimpse = self._path[-1]
-            self._look_elsewhere()
+            self.give_up()
             return False
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence, confidence_turned))
         if not (self._is_sure() and self._is_it(look)):
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
-                self._look_elsewhere()
+                self.give_up()
             return False
         body.pose[:2] = look.x, look.y
         body.velocity[:] = self._path[-1].velocity
@@ -246,7 +246,7 @@ class ContourSearch:
         is_long = len(agreeing) == looks and self._path[0].stamp_ns <= since_ns
         return is_long and all(seen.confidence_if_turned >= CONFIDENCE_FOUND for seen in agreeing)
 
-    def _look_elsewhere(self) -> None:
+    def give_up(self) -> None:
         """Give the candidate up; the next place has its turn."""
         self._path = []
         self._turn += 1

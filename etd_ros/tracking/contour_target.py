@@ -503,6 +503,9 @@ class ContourTarget:
             self._contours.stop()
         elif not search.found(self._turns.patience):
             return
+        if self.others.has(self._body.box, stamp_ns):
+            search.give_up()
+            return
         is_expected = answer is None and not search.is_unsettled
         if not self._last_clear.believe(*self._body.pose[:2].tolist(), is_expected=is_expected):
             return

@@ -150,7 +150,7 @@ class Contours:
         self._pace.wait_with(new)
         return new
 
-    def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float) -> bool:
+    def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float = 1.0) -> bool:
         """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on;
         `patience` as for `LookPace.is_due`."""
         body = self.body

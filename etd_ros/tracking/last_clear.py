@@ -149,7 +149,7 @@ class LastClear:
             return True
         return self._seen_as(self.sighting.impression, x, y) > SEEN_MIN
 
-    def found_elsewhere(self, patience: float) -> Body | None:
+    def found_elsewhere(self, patience: float = 1.0) -> Body | None:
         """The target where it is seen as it was when it was clear, if what is followed does not look like it, and is
         elsewhere; `patience` as for `ContourSearch.found`."""
         if not self.has_strayed or self.sighting is None or self._since_ns is None:

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numba import njit
 
-from etd_ros.boxes import Box, shared_sides
+from etd_ros.boxes import Box, iou, shared_sides
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 
 CHECK_S = 0.01
@@ -20,6 +20,8 @@ CHECK_S = 0.01
 FREE_MIN = 0.4
 """Where others leave less of a target's box free than this, all events there are taken for its own: too few would be
 left, or one of the boxes has been drawn along to where the other is."""
+SAME_IOU = 0.5
+"""What is found where another target is, with boxes that overlap by more, is that one."""
 
 
 class Place(NamedTuple):
@@ -62,6 +64,11 @@ class OtherBoxes:
     def forget(self) -> None:
         """No others are known."""
         self.note(_NONE, 1.0, 0)
+        self.note_followed(_NONE, 0)
+
+    def note_followed(self, moving: Float64Array, stamp_ns: int) -> None:
+        """Take the boxes of all targets that are followed surely at a time (ns), as those of `note`."""
+        self._followed, self._followed_ns = moving, stamp_ns
 
     def note(self, moving: Float64Array, free: float, stamp_ns: int) -> None:
         """Take the boxes of others at a time (ns): x, y, width and height (pixels) and the velocity (pixels/s) of each,
@@ -74,6 +81,15 @@ class OtherBoxes:
         if len(self._moving) == 0:
             return count
         return int(keep_outside(points, count, self._moving, (stamp_ns - self._stamp_ns) * 1e-9))
+
+    def has(self, box: Box, stamp_ns: int) -> bool:
+        """Whether what is in a box (pixels) at a time (ns) is another target, which is followed surely: asked by one
+        that is not."""
+        if len(self._followed) == 0:
+            return False
+        boxes = self._followed[:, :4].copy()
+        boxes[:, :2] += (stamp_ns - self._followed_ns) * 1e-9 * self._followed[:, 4:]
+        return bool((iou(boxes, box) > SAME_IOU).any())
 
 
 class OtherTargets:
@@ -101,14 +117,23 @@ class OtherTargets:
             else:
                 known.append(target)
                 places.append(place)
-        if known:
-            _tell(known, places, stamp_ns)
+        if not known:
+            return
+        _tell(known, places, stamp_ns)
+        followed = _moving([place for place in places if place.has_events])
+        for target in targets:
+            target.others.note_followed(followed, stamp_ns)
+
+
+def _moving(places: Sequence[Place]) -> Float64Array:
+    """Boxes as they move, as `keep_outside` has them."""
+    return np.array([(*place.box, *place.velocity.tolist()) for place in places]).reshape(-1, 6)
 
 
 def _tell(targets: Sequence[Placed], places: Sequence[Place], stamp_ns: int) -> None:
     """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
     own is free of them: what two of them have in common counts twice."""
-    moving = np.array([(*place.box, *place.velocity.tolist()) for place in places])
+    moving = _moving(places)
     sizes, common = moving[:, 2:4], shared_sides(moving, moving)
     is_near = common.min(0) > -sizes.max(1)[:, None]
     np.fill_diagonal(is_near, val=False)

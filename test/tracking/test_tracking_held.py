@@ -121,7 +121,7 @@ def test_what_is_held_and_is_seen_elsewhere_on_images_is_followed_there(monkeypa
     monkeypatch.setattr(turns, "WATCH_NS", 50_000_000 if is_watched else 10_000_000_000)
     # What is lost would be found, too.
     monkeypatch.setattr(ImageSearch, "found", lambda *_: None)
-    monkeypatch.setattr(ContourSearch, "found", lambda _: False)
+    monkeypatch.setattr(ContourSearch, "found", lambda *_: False)
     scene = scene_of(Waypoint(0.0, 30.0, 90.0), Waypoint(1.9, 220.0, 90.0), duration_s=1.9)
     recovery = Watching(scene)
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0), recovery_factory=lambda: recovery)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, all_at_the_end, frames_of, scene_of
+from tracked_scenes import HEIGHT, START_NS, WIDTH, ForgetfulRecovery, all_at_the_end, frames_of, scene_of
 
 from etd_ros.boxes import Box
+from etd_ros.recovery import Found
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks, smooth_noise
-from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.contour_kernels import AGE, X, Y
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.other_targets import CHECK_S, FREE_MIN, OtherBoxes, OtherTargets, Place, keep_outside
@@ -162,6 +163,61 @@ def test_a_target_whose_start_is_still_to_come_is_nothing_to_others():
     assert tracker.targets["now"].others.free == tracker.targets["later"].others.free == 1
     tracker.update(START_NS + 25_000_000, nothing)
     assert tracker.targets["now"].others.free == tracker.targets["later"].others.free == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("box", "since_s", "is_other"),
+    [
+        ((130.0, 100.0, 40.0, 20.0), 0.0, True),
+        ((140.0, 100.0, 40.0, 20.0), 0.0, True),
+        ((150.0, 100.0, 40.0, 20.0), 0.0, False),
+        ((150.0, 100.0, 40.0, 20.0), 0.1, True),
+        ((130.0, 100.0, 40.0, 20.0), 0.1, False),
+    ],
+)
+def test_what_is_found_where_another_target_is_by_then_is_that_one(box, since_s, is_other):
+    lost, followed, standing = Placed(None), Placed(Box(130.0, 100.0, 40.0, 20.0), (200.0, 0.0)), Placed(OWN)
+    standing.has_events = False
+    OtherTargets().take(START_NS, (lost, followed, standing))
+    stamp_ns = START_NS + round(since_s * 1e9)
+    assert lost.others.has(Box(*box), stamp_ns) == is_other
+    assert not lost.others.has(OWN, stamp_ns)
+    OtherTargets().take(START_NS, (lost,))
+    assert not lost.others.has(Box(*box), stamp_ns)
+
+
+class SeesTheNext(ForgetfulRecovery):
+    """Recovery that finds on images what follows, as that looks like what has left."""
+
+    def __init__(self, scene):
+        self.scene, self.time_s = scene, 0.0
+
+    def search(self, image, last_box):
+        return Found(self.scene.box("next", self.time_s), 0.9)
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+def test_what_has_left_is_not_found_again_where_another_target_is_followed(monkeypatch, is_told):
+    if not is_told:
+        monkeypatch.setattr(OtherBoxes, "has", lambda *_: False)
+    rng = np.random.default_rng(2)
+    wall, surface = 0.5 + 0.05 * smooth_noise(rng, HEIGHT, WIDTH), checks(rng, 34, 34, cell=8)
+    paths = {name: Path((Waypoint(0, x, 80), Waypoint(1, x + 150, 80))) for name, x in (("first", 180), ("next", 90))}
+    scene = Scene(WIDTH, HEIGHT, 0.9, wall, tuple(Sprite(n, surface, np.ones((34, 34)), p) for n, p in paths.items()))
+    recovery = SeesTheNext(scene)
+    contours = ContourConfig(refine_gain=0.0)
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=contours, recovery_factory=lambda: recovery)
+    for name in paths:
+        tracker.start(name, scene.box(name, 0.0), START_NS)
+    states = set()
+    for frame in frames_of(scene):
+        recovery.time_s = (frame.stamp_ns - START_NS) * 1e-9
+        image = np.zeros((HEIGHT, WIDTH), np.uint8)
+        first, following = tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
+        if recovery.time_s > 0.6:
+            states.add(first.state)
+    assert following.state is TargetState.TRACKING
+    assert (TargetState.TRACKING not in states) == is_told
 
 
 def beside_each_other():

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, WIDTH, frames_of, overlap, scene_of, tracked
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
 
 from etd_ros.boxes import Box
-from etd_ros.evaluation.suite import evaluate_sequence
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
-from etd_ros.simulation.suite import SUITE
-from etd_ros.tracking import ContourConfig, MultiTracker, start_up
+from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking.coherent_motions import CoherentMotions
 from etd_ros.tracking.contours import Contours
-from etd_ros.tracking.start_up import StartUp
+from etd_ros.tracking.start_up import DRAWN_MIN_PX, StartUp
 from etd_ros.tracking.surface import TimeSurface
 
 
@@ -87,10 +86,21 @@ def test_a_start_that_is_not_over_begins_anew_when_time_goes_back():
     assert overlap(report, scene.box("thing", 0.5)) > 0.8
 
 
-def test_a_start_is_not_corrected_by_less_than_its_velocity_strays(monkeypatch):
-    def panel():
-        return next(result for result in evaluate_sequence(SUITE["tiny"]) if result.target == "panel_2")
+@pytest.mark.parametrize(("strays", "is_taken"), [(0.9, False), (1.1, True)])
+def test_a_start_is_not_corrected_by_less_than_its_velocity_strays(monkeypatch, strays, is_taken):
+    corrected = []
 
-    corrected_by_much = panel()
-    monkeypatch.setattr(start_up, "DRAWN_MIN_PX", 0.0)
-    assert corrected_by_much.ap > panel().ap + 0.02
+    def told_apart(_motions, _events, time_s, velocity):
+        corrected.append(np.array([velocity[0], velocity[1] + strays * DRAWN_MIN_PX / time_s]))
+        return corrected[-1]
+
+    monkeypatch.setattr(CoherentMotions, "told_apart", told_apart)
+    scene = scene_of(Waypoint(0, 40, 70), Waypoint(0.5, 140, 70), duration_s=0.5)
+    contours = Contours(scene.box("thing", 0.0), START_NS, ContourConfig())
+    start, surface = StartUp(contours), TimeSurface(WIDTH, HEIGHT)
+    for frame in frames_of(scene):
+        surface.take(frame.stamp_ns, frame.data, frame.start_ns)
+        if start.take(surface, contours.keep(surface)):
+            break
+    (told,) = corrected
+    assert np.array_equal(contours.body.velocity, told) == is_taken
