@@ -11,8 +11,9 @@ SEARCHES_MAX = 2
 """So many lost targets are looked for on an image: a search takes 10 ms of a core, and an image comes in 50 ms."""
 IMAGE_NS = 50_000_000
 """From one image to the next, usually."""
-FEW, PATIENCE_MAX = 8, 2.5
-"""So many targets are looked at as often as one alone; of more, each waits so many times as long at most."""
+FEW, MORE, PATIENCE_MAX = 8, 6, 3.0
+"""So many targets are looked at as often as one alone; for so many more each waits as long once more, up to so many
+times as long."""
 
 
 class Turns:
@@ -34,7 +35,7 @@ class Turns:
 
     def share_among(self, targets: int) -> None:
         """There are so many targets now."""
-        self.patience = min(max(targets / FEW, 1.0), PATIENCE_MAX)
+        self.patience = min(1.0 + max(targets - FEW, 0) / MORE, PATIENCE_MAX)
 
     def take(self, stamp_ns: int, last: int | None) -> int | None:
         """The number of the turn if the image at `stamp_ns` (ns) is for the followed target that asks, else None.

@@ -11,7 +11,7 @@ from etd_ros.recovery import Found
 from etd_ros.tracking.drift_watch import ANSWER_MAX_NS, ANSWER_NS, FIRST_IMAGES
 from etd_ros.tracking.image_search import IMAGES, REMEMBER_NS, SOON_NS, ImageSearch
 from etd_ros.tracking.target import TargetState
-from etd_ros.tracking.turns import FEW, IMAGE_NS, PATIENCE_MAX, SEARCHES_MAX, WATCH_NS, Turns
+from etd_ros.tracking.turns import FEW, IMAGE_NS, MORE, PATIENCE_MAX, SEARCHES_MAX, WATCH_NS, Turns
 
 IMAGE = np.zeros((20, 30), np.uint8)
 BOX = Box(3, 4, 5, 6)
@@ -295,7 +295,7 @@ def test_each_lost_target_is_looked_for_on_fewer_images_the_more_there_are(state
     assert all(abs(count - 48 / (IMAGES[state] * times)) <= 1 for count in searches.counts)
 
 
-@pytest.mark.parametrize(("targets", "patience"), [(0, 1), (1, 1), (FEW, 1), (2 * FEW, 2), (100, PATIENCE_MAX)])
+@pytest.mark.parametrize(("targets", "patience"), [(0, 1), (1, 1), (FEW, 1), (FEW + MORE, 2), (100, PATIENCE_MAX)])
 def test_contours_wait_longer_for_a_look_where_there_are_many(targets, patience):
     turns = Turns()
     turns.share_among(targets)
