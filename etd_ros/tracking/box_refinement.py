@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +28,8 @@ SLOW_MARGIN_PX = 10.0
 its target left."""
 SPEED_MIN_PX_S = 5.0
 """Of what is slower, events do not tell."""
+ANSWERS_NS = 20_000_000
+"""What was seen longer ago may be of another place."""
 EVENTS_MIN = 25
 SPAN_PX, SPAN_SHARE, SPAN_S = 6.0, 0.25, (0.004, 0.06)
 """Events of so much motion are looked at, or of this share of the box's size, if that is more; within these times."""
@@ -57,6 +60,7 @@ class BoxRefinement:
         self._target, self._corrector, self._gain, self._start_ns = target, corrector, gain, start_stamp_ns
         self._first: Float32Array | None = None
         self._looks = 0
+        self._waiting: BoxView | None = None
         self._stamp_ns = start_stamp_ns
 
     def keep(self, contours: Contours, surface: TimeSurface) -> None:
@@ -90,6 +94,20 @@ class BoxRefinement:
         view = self._view(contours, surface, self._first)
         if len(view.points) < EVENTS_MIN:
             return
+        if takes_all_on:
+            self._put_right(contours, view, takes_all_on=True)
+        else:
+            # The next look may write over these.
+            self._waiting = replace(view, points=view.points.copy(), velocity=view.velocity.copy())
+
+    def answer(self, contours: Contours, stamp_ns: int) -> None:
+        """Put a slow target's box right by what was seen at an earlier frame than that of this time (ns): a look and
+        the network together would take twice as long as either."""
+        view, self._waiting = self._waiting, None
+        if view is not None and stamp_ns - view.stamp_ns <= ANSWERS_NS:
+            self._put_right(contours, view, takes_all_on=False)
+
+    def _put_right(self, contours: Contours, view: BoxView, *, takes_all_on: bool) -> None:
         misfit = self._corrector(view)
         # Of what is covered in part the rest is seen, and would become the box.
         seen, beyond = 1 - contours.covered, _beyond_spreads(misfit)
@@ -102,6 +120,7 @@ class BoxRefinement:
     def time_went_back(self, stamp_ns: int) -> None:
         """The stream goes on at an earlier time (ns)."""
         self._start_ns = self._stamp_ns = stamp_ns
+        self._waiting = None
 
     def _view(self, contours: Contours, surface: TimeSurface, first: Float32Array) -> BoxView:
         body, box = contours.body, contours.body.box

@@ -251,6 +251,7 @@ class ContourTarget:
     def _look_at_it(self, stamp_ns: int) -> None:
         """Keep the surface up to date round it, and go on with its start or follow it where that is due."""
         if self._refinement:
+            self._refinement.answer(self._contours, stamp_ns)
             self._refinement.keep(self._contours, self._surface)
         new_events = self._contours.keep(self._surface)
         if self._start_up is not None:

@@ -11,8 +11,9 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
 from etd_ros.tracking import BoxMisfit, ContourConfig, MultiTracker, TargetState
-from etd_ros.tracking.box_refinement import MOTION_PX, SLOW_MARGIN_PX, TIME_S, BoxRefinement
+from etd_ros.tracking.box_refinement import ANSWERS_NS, MOTION_PX, SLOW_MARGIN_PX, TIME_S, BoxRefinement
 from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.following import Following
 
 DURATION_S = 0.4
 WAY = Waypoint(0, 40, 80), Waypoint(DURATION_S, 200, 90)
@@ -256,3 +257,35 @@ def test_the_network_that_ships_keeps_a_box_that_is_right(speed, scene, frames, 
             overlaps.append(overlap(report, scene.box("thing", (frame.stamp_ns - START_NS) * 1e-9)))
     # The start has its own errors.
     assert min(overlaps[len(overlaps) // 2 :]) > 0.88
+
+
+def test_what_is_slow_is_put_right_on_the_frame_after_its_look(slow, slow_frames, monkeypatch):
+    """Looks and the network take turns, so that no frame takes the time of both."""
+    looked_ns, asked_ns = [], []
+    follow = Following.take
+
+    def followed_at(following, stamp_ns):
+        looked_ns.append(stamp_ns)
+        return follow(following, stamp_ns)
+
+    monkeypatch.setattr(Following, "take", followed_at)
+    tracker = MultiTracker(
+        WIDTH, HEIGHT, contours=ContourConfig(), corrector=lambda _: asked_ns.append(now_ns) or RIGHT
+    )
+    tracker.start("thing", slow.box("thing", 0))
+    for frame in slow_frames:
+        now_ns = frame.stamp_ns
+        tracker.update(now_ns, frame.data, start_ns=frame.start_ns)
+    assert len(asked_ns) > 5
+    assert not set(asked_ns) & set(looked_ns)
+
+
+@pytest.mark.parametrize(("later_ns", "is_asked"), [(0, True), (ANSWERS_NS, False)])
+def test_what_was_seen_too_long_ago_puts_nothing_right(later_ns, is_asked, slow, slow_frames, monkeypatch):
+    answer = BoxRefinement.answer
+
+    def answered(refinement, contours, stamp_ns):
+        answer(refinement, contours, stamp_ns + later_ns)
+
+    monkeypatch.setattr(BoxRefinement, "answer", answered)
+    assert bool(asked(slow, slow_frames)) == is_asked
