@@ -17,8 +17,6 @@ AROUND_S = 0.1
 """What passes before a target comes from beside it, and was round its box within this time."""
 CROWDED = 0.3
 """With so many times as many events round its box as in it, for each pixel, no start is worth its time."""
-CROWDED_NS = 5_000_000
-"""Whether it is still so is looked at again after this time."""
 
 
 class SetOff:
@@ -39,7 +37,6 @@ class SetOff:
         self.is_disturbed = False
         # Before that, what is round it may be what it left there as it came.
         self._settled_ns = stamp_ns + round(AROUND_S * 1e9)
-        self._crowded_ns: int | None = None
         self._begin(stamp_ns)
 
     def _begin(self, stamp_ns: int) -> None:
@@ -50,7 +47,10 @@ class SetOff:
         """Take the newest frame, which the surface holds; whether the target has set off, so that its contours are
         known."""
         new_events = self.contours.keep(surface)
-        if self._start_up.is_new and self._is_crowded(surface):
+        if self._start_up.is_new and not self._is_alone(surface, CROWDED):
+            # What passes there would not be taken for it.
+            self._start_up.begin_again(surface.stamp_ns)
+            self.is_disturbed = self.is_disturbed or surface.stamp_ns > self._settled_ns
             return False
         if not self._start_up.take(surface, new_events):
             return False
@@ -58,20 +58,6 @@ class SetOff:
             return True
         self._begin(surface.stamp_ns)
         self.is_disturbed = True
-        return False
-
-    def _is_crowded(self, surface: TimeSurface) -> bool:
-        """Whether something passes there, which would not be taken for it; a start begins when it has passed."""
-        before_ns = self._crowded_ns
-        if before_ns is not None and 0 <= surface.stamp_ns - before_ns < CROWDED_NS:
-            return True
-        if not self._is_alone(surface, CROWDED):
-            self._crowded_ns = surface.stamp_ns
-            self.is_disturbed = self.is_disturbed or surface.stamp_ns > self._settled_ns
-            return True
-        if before_ns is not None:
-            self._crowded_ns = None
-            self._start_up.begin_again(surface.start_ns)
         return False
 
     def _is_it(self, surface: TimeSurface) -> bool:
