@@ -240,25 +240,20 @@ class ContourTarget:
 
     def _look(self, stamp_ns: int, image: FrameData | None) -> None:
         """Take what the newest frame shows of the target."""
-        if self._state is TargetState.TRACKING:
-            self._look_at_it(stamp_ns)
-        else:
-            self._look_for_it(stamp_ns, image)
-        if self.is_followed:
-            self._go_where_it_is_as_it_was(stamp_ns)
-        self._watch_for_turn(stamp_ns)
-
-    def _look_at_it(self, stamp_ns: int) -> None:
-        """Keep the surface up to date round it, and go on with its start or follow it where that is due."""
-        if self._refinement:
+        if self._refinement and self._state is TargetState.TRACKING:
             self._refinement.answer(self._contours, stamp_ns)
             self._refinement.keep(self._contours, self._surface)
         new_events = self._contours.keep(self._surface)
-        if self._start_up is not None:
+        if self._state is not TargetState.TRACKING:
+            self._look_for_it(stamp_ns, image)
+        elif self._start_up is not None:
             if self._start_up.take(self._surface, new_events):
                 self._start_up = None
         elif self._contours.is_due(stamp_ns, is_sure=self.is_sure, patience=self._turns.patience):
             self._follow(stamp_ns)
+        if self.is_followed:
+            self._go_where_it_is_as_it_was(stamp_ns)
+        self._watch_for_turn(stamp_ns)
 
     def _watch_for_turn(self, stamp_ns: int) -> None:
         """What was fast may have bounced off something where looks begin to fail."""
@@ -557,5 +552,4 @@ class ContourTarget:
         self._state = TargetState.TRACKING
         self._held = None
         self._doubts.begin_anew()
-        self._contours.look_soon()
         self._following.go_on(confidence, is_unsettled=is_unsettled)

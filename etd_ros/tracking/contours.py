@@ -158,10 +158,6 @@ class Contours:
             body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure, patience=patience
         )
 
-    def look_soon(self) -> None:
-        """Whatever events there are, the next look is due as soon as it can be."""
-        self._pace.look_soon()
-
     def take_turning_of_flow(self, surface: TimeSurface) -> None:
         """Believe how fast a target that began to turn does so by the flow of its edges. Looks cannot tell when it
         turns back: all of its polarities change."""

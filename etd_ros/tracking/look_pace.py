@@ -10,7 +10,6 @@ VERY_FAST_SIZES_PER_S = 20.0
 """What moves faster than this leaves its box within a frame, also where its looks fail."""
 EVENTS_MIN = 25
 """Fewer new events than this are not worth a look."""
-EVENTS_ENOUGH = 1_000_000
 EVENTS_SHARE = 0.3
 """A look waits for this share of the events that a pixel of motion brings."""
 WAIT_MIN_S, WAIT_MAX_S = 0.005, 0.03
@@ -49,10 +48,6 @@ class LookPace:
     def wait_with(self, new_events: int) -> None:
         """There are so many more events that no look has taken."""
         self._events_waiting += new_events
-
-    def look_soon(self) -> None:
-        """There is enough for the next look."""
-        self._events_waiting = EVENTS_ENOUGH
 
     def is_due(
         self, elapsed_s: float, speed_px_s: float, sizes_per_s: float, *, is_sure: bool, patience: float = 1.0

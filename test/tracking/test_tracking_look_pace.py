@@ -38,11 +38,3 @@ def test_patience_puts_off_sure_looks_at_what_is_slow_and_no_others(case, waits)
     assert is_due(elapsed_s=WAIT_MIN_S, patience=1.0, **case)
     assert is_due(elapsed_s=WAIT_MIN_S, patience=2.0, **case) is not waits
     assert is_due(elapsed_s=2 * WAIT_MIN_S, patience=2.0, **case)
-
-
-def test_what_was_found_needs_no_more_events_for_its_next_look():
-    pace = LookPace(2.0, 0.1)
-    assert not pace.is_due(WAIT_MIN_S, 10.0, SLOW, is_sure=True)
-    pace.look_soon()
-    assert pace.is_due(WAIT_MIN_S, 10.0, SLOW, is_sure=True)
-    assert not pace.is_due(WAIT_MIN_S, 10.0, SLOW, is_sure=True)
