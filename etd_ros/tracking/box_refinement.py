@@ -73,8 +73,8 @@ class BoxRefinement:
         surface.keep(surface.window(around, 0.0))
 
     def take(self, contours: Contours, surface: TimeSurface, patience: float) -> None:
-        """Put the box right, where it is time, for which a slow target waits `patience` times as long; the target has
-        just been followed, surely."""
+        """Put a fast target's box right, where it is time, or keep what is seen of a slow one's for `answer`, which
+        waits `patience` times as long; the target has just been followed, surely."""
         self._looks += 1
         if self._first is None:
             if self._looks < FIRST_LOOKS:

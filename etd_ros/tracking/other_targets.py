@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from etd_ros.boxes import Box, iou, shared_sides
@@ -119,25 +120,20 @@ class OtherTargets:
                 places.append(place)
         if not known:
             return
-        _tell(known, places, stamp_ns)
-        followed = _moving([place for place in places if place.has_events])
+        moving = np.array([(*place.box, *place.velocity.tolist()) for place in places])
+        has_events = np.array([place.has_events for place in places])
+        _tell(known, moving, has_events, stamp_ns)
+        followed = moving[has_events]
         for target in targets:
             target.others.note_followed(followed, stamp_ns)
 
 
-def _moving(places: Sequence[Place]) -> Float64Array:
-    """Boxes as they move, as `keep_outside` has them."""
-    return np.array([(*place.box, *place.velocity.tolist()) for place in places]).reshape(-1, 6)
-
-
-def _tell(targets: Sequence[Placed], places: Sequence[Place], stamp_ns: int) -> None:
-    """Tell each target which of the others' boxes at a time (ns) are nearer than its own is large, and how much of its
-    own is free of them: what two of them have in common counts twice."""
-    moving = _moving(places)
+def _tell(targets: Sequence[Placed], moving: Float64Array, has_events: npt.NDArray[np.bool_], stamp_ns: int) -> None:
+    """Tell each target which of the others' boxes at a time (ns), as `keep_outside` has them, are nearer than its own
+    is large, and how much of its own is free of them: what two of them have in common counts twice."""
     sizes, common = moving[:, 2:4], shared_sides(moving, moving)
     is_near = common.min(0) > -sizes.max(1)[:, None]
     np.fill_diagonal(is_near, val=False)
-    has_events = np.array([place.has_events for place in places])
     is_near &= has_events | ~has_events[:, None]
     shared = np.where(is_near, np.maximum(common, 0.0).prod(0), 0.0)
     free = 1.0 - shared.sum(1) / sizes.prod(1)
