@@ -81,17 +81,21 @@ class Processes:
             )
 
     def running(self, name: str) -> bool:
-        """Whether the child is still there."""
-        return self._children[name].poll() is None
+        """Whether the child was still there when `check` last looked."""
+        return self._children[name].returncode is None
 
     def check(self) -> None:
-        """Complain about a child that failed.
+        """See which children are still there, and complain about one that failed.
 
         Raises:
             DemoError: with the end of its log.
         """
+        # An interrupt within `poll` may leave it holding a lock, and `stop` would then wait for the child for ever.
+        with postponed(HEARD):
+            for child in self._children.values():
+                child.poll()
         for name, child in self._children.items():
-            if child.poll():
+            if child.returncode:
                 log = (self._log_folder / f"{name}.log").read_text(errors="replace").strip().splitlines()
                 msg = f"the {name} process ended with exit code {child.returncode}: {log[-1] if log else 'no output'}"
                 raise DemoError(msg)
@@ -205,22 +209,29 @@ def _wait(
 
 @contextmanager
 def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]]:
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    monitor = Monitor(recorder)
-    executor = SingleThreadedExecutor()
-    executor.add_node(monitor)
+    """The node that listens to all others, and what lets it take in one message.
+
+    Within rclpy an interrupt may be swallowed, or leave it holding what it can never let go, so it is told of none.
+    """
 
     def spin_once() -> None:
-        # Within rclpy an interrupt may be swallowed, or leave it holding what it can never let go.
         with postponed(HEARD):
             executor.spin_once(timeout_sec=0.1)
 
-    try:
-        yield monitor, spin_once
-    finally:
-        executor.shutdown()
-        monitor.destroy_node()
-        rclpy.try_shutdown()
+    with ExitStack() as stack:
+        with postponed(HEARD):
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            stack.callback(rclpy.try_shutdown)
+            monitor = Monitor(recorder)
+            stack.callback(monitor.destroy_node)
+            executor = SingleThreadedExecutor()
+            stack.callback(executor.shutdown)
+            executor.add_node(monitor)
+        try:
+            yield monitor, spin_once
+        finally:
+            with handled(HEARD, signal.SIG_IGN):
+                stack.close()
 
 
 def _use_own_domain() -> None:

@@ -91,6 +91,37 @@ def test_a_process_that_was_being_started_when_the_interrupt_came_leaves_too(tmp
     assert journal == ["tracker gets SIGINT", "tracker is gone"]
 
 
+def test_an_interrupt_while_it_looks_after_a_process_does_not_keep_that_one_from_leaving(tmp_path):
+    class InterruptedLock:
+        """The lock of a process as `poll` takes it, with an interrupt at the moment at which it is held."""
+
+        def __init__(self) -> None:
+            self.is_held = False
+
+        def acquire(self, _blocking: bool) -> bool:
+            self.is_held = True
+            signal.raise_signal(signal.SIGTERM)
+            return True
+
+        def release(self) -> None:
+            self.is_held = False
+
+    def look_after(processes: demo.Processes, lock: InterruptedLock) -> None:
+        processes.start("accumulator", ["--ros-args", "-r", "__ns:=/demo_end"])
+        child = processes._children["accumulator"]
+        plain, child._waitpid_lock = child._waitpid_lock, lock
+        try:
+            processes.check()
+        finally:
+            child._waitpid_lock = plain
+
+    lock = InterruptedLock()
+    with handled(LEAVE, demo._interrupt), pytest.raises(KeyboardInterrupt), demo.Processes(tmp_path) as processes:
+        look_after(processes, lock)
+    assert not lock.is_held
+    assert not processes.running("accumulator")
+
+
 def test_the_monitor_leaves_when_every_node_is_gone(tmp_path, monkeypatch, journal):
     @contextmanager
     def monitor(_: object) -> Iterator[tuple[None, None]]:
