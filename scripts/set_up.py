@@ -270,8 +270,11 @@ def install_package(environment: Environment) -> None:
 
 
 def compile_kernels(environment: Environment) -> None:
-    """Fill numba's cache by tracking the bundled recording, so that the first real run is as fast as any other."""
+    """Fill numba's cache with what the nodes load at their start and what tracking the bundled recording takes, so that
+    the first real run is as fast as any other."""
     print("set-up: compiling kernels", flush=True)
+    nodes = "from etd_ros.warm_up import warm_up; warm_up()"
+    run([environment.python, "-c", nodes], environment.variables(), "the nodes' kernels could not be compiled")
     bag = REPOSITORY / "bags" / "demo"
     tracks = environment.stamps / "kernels.csv"
     command: list[str | Path] = [environment.python, "-m", "etd_ros", "track", bag, "--targets", bag / "boxes.csv"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -28,6 +28,7 @@ from etd_ros.nodes.connections import (
 from etd_ros.nodes.figures import Latencies, Rates
 from etd_ros.nodes.life_cycle import ManagedNode, Phase
 from etd_ros.nodes.node_parameters import AT_ONCE, NodeOptions, NodeParameters
+from etd_ros.nodes.reading import MessageInfo, read_all
 from etd_ros.nodes.remarks import REMARKS_PERIOD_S, Remarks
 from etd_ros.nodes.worker import Worker, WorkerCounters
 from etd_ros.settings import Settings
@@ -115,14 +116,10 @@ class EtdNode(ManagedNode):
         )
 
     def reader(
-        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile = FRAME_QOS
+        self, kind: type, topic: str, callback: Callable[[bytes], None], qos: QoSProfile = FRAME_QOS
     ) -> Subscription:
-        """A subscription to a topic's messages as bytes, which says why a publisher's do not arrive; a callback of two
-        arguments gets what ROS knows of a message, too."""
-        resolved = self.resolve_topic_name(topic)
-        return self.create_subscription(
-            kind, topic, callback, qos, raw=True, event_callbacks=reader_callbacks(self, resolved, qos)
-        )
+        """A subscription to a topic's messages as bytes, which says why a publisher's do not arrive."""
+        return self._reader(kind, topic, lambda message, _: callback(message), qos)
 
     def needed_reader(
         self,
@@ -138,7 +135,7 @@ class EtdNode(ManagedNode):
         arrivals = Arrivals()
         resolved = self.resolve_topic_name(topic)
 
-        def on_message(message: bytes, info: Mapping[str, int]) -> None:
+        def on_message(message: bytes, info: MessageInfo) -> None:
             lost = arrivals.note_number(info["publication_sequence_number"], lambda: self.count_publishers(resolved))
             if lost:
                 self.warn(
@@ -147,7 +144,7 @@ class EtdNode(ManagedNode):
                 )
             handle(message, arrivals.note())
 
-        self.reader(kind, topic, on_message, NEEDED_QOS)
+        self._reader(kind, topic, on_message, NEEDED_QOS)
         self.add_input(
             Input(
                 resolved,
@@ -246,6 +243,11 @@ class EtdNode(ManagedNode):
         self._inputs.clear()
         super()._deactivate()
         self.worker.stop()
+
+    def _reader(
+        self, kind: type, topic: str, take: Callable[[bytes, MessageInfo], None], qos: QoSProfile
+    ) -> Subscription:
+        return read_all(self, kind, topic, take, qos, reader_callbacks(self, self.resolve_topic_name(topic), qos))
 
     def _warm_up(self) -> None:
         """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""

@@ -14,6 +14,7 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.nodes.connections import EVENT_QOS, LISTENER_QOS
+from etd_ros.nodes.reading import MessageInfo, read_all
 from etd_ros.nodes.recorded_tracks import DETECTIONS, FRAMES, IMAGES, STATUS
 from etd_ros.recordings.bag_writer import BagWriter
 from msg_adapters import decode_diagnostics
@@ -66,7 +67,7 @@ class Monitor(Node):
         self._recorder.add_topic(topic, type_name, reliable=reliable)
         self.figures.messages[topic] = 0
 
-        def on_message(message: bytes) -> None:
+        def on_message(message: bytes, _: MessageInfo) -> None:
             self._recorder.write(topic, time.time_ns(), message)
             self.figures.messages[topic] += 1
             if topic != DIAGNOSTICS:
@@ -74,9 +75,7 @@ class Monitor(Node):
             if take is not None:
                 take(message)
 
-        return self.create_subscription(
-            message_class, topic, on_message, LISTENER_QOS if reliable else EVENT_QOS, raw=True
-        )
+        return read_all(self, message_class, topic, on_message, LISTENER_QOS if reliable else EVENT_QOS)
 
     def _update_rates(self) -> None:
         counts = {**self.figures.messages, "events": int(self.figure("accumulator", "events") or 0)}
