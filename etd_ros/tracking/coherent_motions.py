@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
-from etd_ros.tracking.contour_drawing import agreements, coherence, room_for_parts
+from etd_ros.tracking.contour_drawing import agreements, climbed, coherence, room_for_parts
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import BORDER_CELLS
 from etd_ros.tracking.growth import arm_px
@@ -68,12 +67,6 @@ class Motion(NamedTuple):
                 one of these is enough.
         """
         return any(self.alike >= alike and self.agreement > times * near.agreement for alike, times in trust)
-
-
-Step = tuple[int, int]
-"""Steps to the right and down from the middle of the candidates."""
-Judged = tuple[float, Motion]
-"""By what a candidate is compared, and the candidate."""
 
 
 class Apart(NamedTuple):
@@ -202,17 +195,15 @@ class CoherentMotions:
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
     ) -> Motion:
         """`near` of events that count by shares, in cells that count by weights, coarse to fine."""
-        best = Motion(so_far, 0.0, 0.0)
+        velocity, agreement, alike = so_far, 0.0, 0.0
+        rest_weight = REST_WEIGHT / math.sqrt(len(events))
         for step_px, reach in STEPS_PX:
-
-            def judged(step: Step, middle: Float64Array = best.velocity, step_px: float = step_px) -> Judged:
-                velocity = middle + np.array(step) * (step_px / time_s)
-                motion = self._at(events, time_s, shares, weight, velocity)
-                change_px = math.dist(velocity, so_far) * time_s
-                return motion.agreement * math.exp(-CHANGE_WEIGHT * change_px**2), motion
-
-            best = _climbed(judged, reach)
-        return best
+            right, down, agreement, alike = climbed(
+                events, shares, weight, self._pose, self._cell_px, so_far, velocity, step_px, reach, time_s,
+                CHANGE_WEIGHT, rest_weight, self._room,
+            )  # fmt: skip
+            velocity = np.array([right, down])
+        return Motion(velocity, agreement, alike)
 
     def _at(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, velocity: Float64Array
@@ -229,26 +220,6 @@ class CoherentMotions:
         columns = self._weight.shape[1]
         agreements(events, len(events), self._pose, self._cell_px, velocity, time_s, columns, self._room, agreed)
         return agreed
-
-
-def _climbed(judged: Callable[[Step], Judged], reach: int) -> Motion:
-    """The best of the candidates up to so many steps to each side, climbed to from the middle one: half of them need
-    not be looked at."""
-    found: dict[Step, Judged] = {}
-    top, best = None, (0, 0)
-    while best != top:
-        top = best
-        for step in _round_about(top, reach):
-            if step not in found:
-                found[step] = judged(step)
-        best = max(found, key=lambda step: found[step][0])
-    return found[best][1]
-
-
-def _round_about(middle: Step, reach: int) -> Iterator[Step]:
-    """A candidate and those next to it, of those up to so many steps to each side."""
-    columns, rows = (range(max(at - 1, -reach), min(at + 1, reach) + 1) for at in middle)
-    return itertools.product(columns, rows)
 
 
 def _round(velocity: Float64Array, step_px_s: float, steps: int) -> Iterator[Float64Array]:

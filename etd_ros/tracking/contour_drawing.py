@@ -3,6 +3,7 @@ this file, or numba would miss changes; points, poses and motions are those of `
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -284,6 +285,53 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         for other in range(part + 1, number):
             possible += np.sqrt(own[part] * own[other])
     return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER), float(found / max(possible, 1e-9))
+
+
+@njit(cache=True, nogil=True)
+def climbed(points: Float32Array, shares: Float32Array, weight: Float32Array, pose: Float64Array, cell_px: float,
+            so_far: Float64Array, middle: Float64Array, step_px: float, reach: int, time_s: float, change_weight: float,
+            rest_weight: float, room: Float32Array) -> tuple[float, float, float, float]:  # fmt: skip
+    """The velocity of the greatest coherence among those up to `reach` steps to each side of one, climbed to from that:
+    half of them need not be looked at. Returns it (pixels/s), how well the points agree at it and how alike their parts
+    are, as `coherence` says.
+
+    Args:
+        points: their ages count backwards from the beginning, so they are negative.
+        shares: how much each of them counts, 0 to 1, shape (count,).
+        weight: of the cells, shape (rows, columns).
+        pose: where the grid lies, upright.
+        cell_px: pixels of a cell at scale 1.
+        so_far: the velocity believed so far (pixels/s).
+        middle: the velocity to begin with (pixels/s).
+        step_px: from one velocity to the next (pixels at the end of the time).
+        reach: number of steps.
+        time_s: from the beginning to the end (s).
+        change_weight: how much coherence a pixel of change (squared) from the one so far has to bring.
+        rest_weight: how much of it a pixel of motion since the beginning has to bring.
+        room: as for `coherence`.
+    """
+    seen = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
+    velocity, best_value = np.empty(2), -np.inf
+    best = (middle[0], middle[1], 0.0, 0.0)
+    top_column = top_row = reach + 1
+    column = row = 0
+    while column != top_column or row != top_row:
+        top_column, top_row = column, row
+        for right in range(max(top_column - 1, -reach), min(top_column + 1, reach) + 1):
+            for down in range(max(top_row - 1, -reach), min(top_row + 1, reach) + 1):
+                if seen[right + reach, down + reach]:
+                    continue
+                seen[right + reach, down + reach] = True
+                velocity[0] = middle[0] + right * (step_px / time_s)
+                velocity[1] = middle[1] + down * (step_px / time_s)
+                agreement, alike = coherence(points, len(points), shares, weight, pose, cell_px, velocity, time_s, room)
+                agreement *= math.exp(-(rest_weight * math.hypot(velocity[0], velocity[1]) * time_s))
+                change_px = math.hypot(velocity[0] - so_far[0], velocity[1] - so_far[1]) * time_s
+                value = agreement * math.exp(-change_weight * change_px**2)
+                if value > best_value:
+                    best_value, column, row = value, right, down
+                    best = (velocity[0], velocity[1], agreement, alike)
+    return best
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -13,6 +13,7 @@ from etd_ros.tracking.contour_drawing import (
     CROWDING_POWER,
     agreements,
     blur,
+    climbed,
     coherence,
     learn,
     normalise,
@@ -176,6 +177,43 @@ def test_coherence_is_that_of_its_definition(seed, count):
     agreement, alike = coherence(points, count, shares, weight, UPRIGHT, 1.0, velocity, 0.03, room)
     assert agreement == pytest.approx(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER, rel=1e-3, abs=1e-4)
     assert alike * possible == pytest.approx(found, rel=1e-3, abs=1e-3 * possible + 1e-6)
+
+
+def climbed_by_definition(points, so_far, middle, step_px, reach, change_weight, rest_weight):
+    found = {}
+    top, best = None, (0, 0)
+    while best != top:
+        top = best
+        near = [range(max(at - 1, -reach), min(at + 1, reach) + 1) for at in top]
+        for step in itertools.product(*near):
+            if step not in found:
+                velocity = middle + np.array(step) * (step_px / 0.03)
+                rest = math.exp(-rest_weight * 0.03 * math.hypot(*velocity))
+                change = math.exp(-change_weight * (0.03 * math.dist(velocity, so_far)) ** 2)
+                found[step] = agreement_of(points, velocity)[0] * rest * change, velocity
+        best = max(found, key=lambda step: found[step][0])
+    return found[best][1]
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), reach=st.integers(0, 3))
+def test_the_best_velocity_is_climbed_to_as_its_definition_says(seed, reach):
+    rng = np.random.default_rng(seed)
+    texture, which = rng.uniform((20, 30), (40, 50), (20, 2)), rng.integers(0, 20, 150)
+    ages_s, moving = -rng.uniform(0, 0.03, 150), rng.uniform(-60, 60, 2)
+    places = texture[which] - np.outer(ages_s, moving)
+    points = np.column_stack([places, ages_s, rng.choice([-1, 1], 20)[which]]).astype(np.float32)
+    so_far, middle = rng.uniform(-60, 60, (2, 2))
+    expected = climbed_by_definition(points, so_far, middle, 0.5, reach, 0.001, 0.01)
+    weight, shares = np.ones((ROWS, COLUMNS), np.float32), np.ones(150, np.float32)
+    *velocity, agreement, alike = climbed(
+        points, shares, weight, UPRIGHT, 1.0, so_far, middle, 0.5, reach, 0.03, 0.001, 0.01,
+        room_for_parts(4, ROWS, COLUMNS),
+    )  # fmt: skip
+    assert velocity == pytest.approx(expected)
+    plain, alike_there = agreement_of(points, np.array(velocity))
+    assert agreement == pytest.approx(plain * math.exp(-0.01 * 0.03 * math.hypot(*velocity)), rel=1e-6)
+    assert alike == pytest.approx(alike_there, rel=1e-6)
 
 
 def test_each_event_agrees_with_those_of_other_times_that_move_like_it():

@@ -28,7 +28,7 @@ from etd_ros.settings import Settings
 from etd_ros.simulation import Flicker, Path, Recipe, Sprite, Waypoint, make_scene
 from etd_ros.simulation.textures import checks
 from etd_ros.tracking import ContourConfig, MultiTracker, TargetState, coherent_motions, steady_motion
-from etd_ros.tracking.contour_drawing import coherence
+from etd_ros.tracking.contour_drawing import climbed
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.last_clear import LastClear
@@ -181,7 +181,7 @@ def test_a_target_whose_light_flickers_starts_where_it_is(monkeypatch):
         return np.mean([overlap(report, truth) for _, report, truth in tracked(scene, start_s=0.1, frames=frames)])
 
     assert mean_overlap() > 0.9
-    monkeypatch.setattr(coherent_motions, "coherence", lambda *given: (coherence(*given)[0], 1.0))
+    monkeypatch.setattr(coherent_motions, "climbed", lambda *given: (*climbed(*given)[:3], 1.0))
     assert mean_overlap() < 0.5, "some velocity is the best, though none is right"
 
 
