@@ -22,7 +22,7 @@ from etd_ros.tracking.expected_place import (
 )
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.standing_out import share_elsewhere
-from etd_ros.tracking.surface import TimeSurface, Window
+from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
 CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
@@ -37,8 +37,6 @@ RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX, GAP_RADIUS_MAX_PX = 9.0, 60.0, 36.0, 54.0
 GROWTH_SHARE, GAP_GROWTH_SHARE = 0.5, 1.0
 """The region grows by at least so much of the target's usual speed: it may have turned. After a gap in the events it is
 as large at once, whereas what hides a target is seldom larger than that."""
-SETTLED_S = max(COAST_S, (GAP_RADIUS_MAX_PX - RADIUS_PX) / GROWTH_PX_S)
-"""After this time neither the places nor the radii of a search that sees nothing change."""
 CANDIDATE_NS = 80_000_000
 """What is not sure after this time is something else, which must not keep the search from the target."""
 PATH_LOOKS, PATH_S = 6, 0.01
@@ -140,7 +138,6 @@ class ContourSearch:
         self._turn = 0
         self._place: _Place
         self._glimpse: _Seen | None = None
-        self._settled_windows: list[Window] = []
         self._wanted = CONFIDENCE_FOUND
         self._path: list[_Seen] = []
         self._expected = ExpectedPlace(contours, surface, usual, stamp_ns)
@@ -168,25 +165,13 @@ class ContourSearch:
     def keep(self) -> None:
         """Keep the surface up to date where the next looks may be; what is found at a region's edge is compared with
         places beyond, of which fewer events are known then."""
-        for window in self._windows():
-            self._surface.keep_too(window)
+        surface = self._surface
+        left, top, width, height = self._contours.body.box_at(0.0, 0.0, MARGIN)
+        for place in self._places():
+            box = Box(place.x + left, place.y + top, width, height)
+            surface.keep_too(surface.window(box, self._radius_px(place) + KEPT_MARGIN_PX))
         if self._arrivals is not None:
             self._arrivals.keep()
-
-    def _windows(self) -> list[Window]:
-        """Round the places, with their radii."""
-        is_settled = self.since_s > SETTLED_S and self._seen_lately() is None
-        if is_settled and self._settled_windows:
-            return self._settled_windows
-        left, top, width, height = self._contours.body.box_at(0.0, 0.0, MARGIN)
-        windows = [
-            self._surface.window(
-                Box(place.x + left, place.y + top, width, height), self._radius_px(place) + KEPT_MARGIN_PX
-            )
-            for place in self._places()
-        ]
-        self._settled_windows = windows if is_settled else []
-        return windows
 
     def found(self, patience: float = 1.0) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then. Where nothing that
@@ -274,19 +259,14 @@ class ContourSearch:
         if not self.has_left:
             x, y, _, _ = self._before.pose.tolist()
             places.append(_Place(x, y, self._at_rest, since_s))
-        seen = self._seen_lately()
+        seen = self._path[-1] if self._path else self._glimpse
         if seen is not None:
             stamp_ns = self._surface.stamp_ns
+            unseen_s = (stamp_ns - seen.stamp_ns) * 1e-9
             x, y = seen.predicted(stamp_ns)
-            places.append(_Place(x, y, seen.velocity, (stamp_ns - seen.stamp_ns) * 1e-9))
+            if unseen_s < COAST_S:
+                places.append(_Place(x, y, seen.velocity, unseen_s))
         return places
-
-    def _seen_lately(self) -> _Seen | None:
-        """What was seen last that may be the target, as long as its motion is believed."""
-        seen = self._path[-1] if self._path else self._glimpse
-        if seen is None or (self._surface.stamp_ns - seen.stamp_ns) * 1e-9 >= COAST_S:
-            return None
-        return seen
 
     def _radius_px(self, place: _Place) -> float:
         return min(RADIUS_PX + self._growth_px_s * place.unseen_s, self._radius_max_px)
