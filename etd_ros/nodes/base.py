@@ -247,7 +247,12 @@ class EtdNode(ManagedNode):
     def _reader(
         self, kind: type, topic: str, take: Callable[[bytes, MessageInfo], None], qos: QoSProfile
     ) -> Subscription:
-        return read_all(self, kind, topic, take, qos, reader_callbacks(self, self.resolve_topic_name(topic), qos))
+        callbacks = reader_callbacks(self, self.resolve_topic_name(topic), qos)
+        return read_all(self, kind, topic, take, qos, callbacks, self._has_room)
+
+    def _has_room(self) -> bool:
+        """A worker that is behind would drop as too old what is handed to it all at once."""
+        return self.phase is Phase.ACTIVE and self.worker.keeps_up
 
     def _warm_up(self) -> None:
         """Before anything is subscribed: a node that compiles while events come falls behind before it has begun."""

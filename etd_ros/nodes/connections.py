@@ -41,7 +41,8 @@ DDS receives. Only what waits takes memory; a publisher that keeps as much would
 stopped."""
 
 LISTENER_QOS = _reliable(2000)
-"""Deeper than the nodes' own: a recorder on a busy machine falls behind for seconds, and must lose nothing."""
+"""Deeper than the nodes' own: a recorder reads several topics, may not run for a second or more on a busy machine, and
+must lose nothing."""
 
 SILENCE_S = 2.0
 """Without a message for longer (s), a node that wants some says so."""

@@ -209,7 +209,7 @@ def _wait(
 
 @contextmanager
 def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]]:
-    """The node that listens to all others, and what lets it take in one message.
+    """The node that listens to all others, and what gives it a turn.
 
     Within rclpy an interrupt may be swallowed, or leave it holding what it can never let go, so it is told of none.
     """
@@ -218,7 +218,8 @@ def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]
         with postponed(HEARD):
             executor.spin_once(timeout_sec=0.1)
 
-    with ExitStack() as stack:
+    stack = ExitStack()
+    try:
         with postponed(HEARD):
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             stack.callback(rclpy.try_shutdown)
@@ -227,11 +228,10 @@ def _monitor(recorder: BagWriter) -> Iterator[tuple[Monitor, Callable[[], None]]
             executor = SingleThreadedExecutor()
             stack.callback(executor.shutdown)
             executor.add_node(monitor)
-        try:
-            yield monitor, spin_once
-        finally:
-            with handled(HEARD, signal.SIG_IGN):
-                stack.close()
+        yield monitor, spin_once
+    finally:
+        with handled(HEARD, signal.SIG_IGN):
+            stack.close()
 
 
 def _use_own_domain() -> None:

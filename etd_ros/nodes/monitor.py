@@ -67,8 +67,9 @@ class Monitor(Node):
         self._recorder.add_topic(topic, type_name, reliable=reliable)
         self.figures.messages[topic] = 0
 
-        def on_message(message: bytes, _: MessageInfo) -> None:
-            self._recorder.write(topic, time.time_ns(), message)
+        def on_message(message: bytes, info: MessageInfo) -> None:
+            # Many of one topic may be taken before the first of another.
+            self._recorder.write(topic, info["received_timestamp"], message)
             self.figures.messages[topic] += 1
             if topic != DIAGNOSTICS:
                 self.figures.last_data_s = time.monotonic()

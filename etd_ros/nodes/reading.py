@@ -26,13 +26,15 @@ def read_all(
     take: Callable[[bytes, MessageInfo], None],
     qos: QoSProfile,
     event_callbacks: SubscriptionEventCallbacks | None = None,
+    has_room: Callable[[], bool] = lambda: True,
 ) -> Subscription:
-    """Subscribe to a topic's messages as bytes, up to AT_A_TURN_MAX at each turn of the node's executor."""
+    """Subscribe to a topic's messages as bytes, up to AT_A_TURN_MAX at each turn of the node's executor, or one where
+    there is no room for more: what waits in DDS is kept, and does not become old there."""
 
     def on_turn(message: bytes, info: MessageInfo) -> None:
         take(message, info)
         for _ in range(AT_A_TURN_MAX - 1):
-            waiting = _next_of(subscription)
+            waiting = _next_of(subscription) if has_room() else None
             if waiting is None:
                 return
             take(*waiting)

@@ -13,6 +13,8 @@ Task = Callable[[], None]
 
 KEPT_SHARE = 0.5
 """What is older than this share of what is allowed goes with the oldest: rarer gaps, none of them long."""
+EARLY_SHARE = 0.25
+"""The work keeps up as long as nothing has waited for more than this share of what is allowed."""
 PATIENCE_FACTOR, PATIENCE_MIN, OVERLOAD_S = 0.8, 0.4, 1.0
 """Each time that data is dropped, this share of the age that was allowed is allowed from then on, down to the second
 share of what is allowed usually; without a drop for this time (s) all of it is again."""
@@ -111,6 +113,13 @@ class Worker(_TaskThread):
         """Size of the messages that wait."""
         return self._queued_bytes
 
+    @property
+    def keeps_up(self) -> bool:
+        """Whether no data has waited for long."""
+        with self._changed:
+            oldest = self._oldest_data()
+        return oldest is None or time.monotonic() - oldest.received_s <= EARLY_SHARE * self.max_age_s
+
     def submit(self, handler: Handler, message: bytes) -> None:
         """Have `handler(message)` called in the worker's thread, unless it is dropped as too old before."""
         self._put(handler, message, is_data=True)
@@ -124,11 +133,11 @@ class Worker(_TaskThread):
             self._queue.append(_Waiting(lambda: handler(message), len(message), time.monotonic(), is_data))
             self._queued_bytes += len(message)
             while self._queued_bytes > self.max_bytes and len(self._queue) > 1:
-                self._drop(next((waiting for waiting in self._queue if waiting.is_data), self._queue[0]))
+                self._drop(self._oldest_data() or self._queue[0])
             self._changed.notify_all()
 
     def _drop_late(self) -> None:
-        oldest = next((waiting for waiting in self._queue if waiting.is_data), None)
+        oldest = self._oldest_data()
         now_s = time.monotonic()
         if now_s - self._dropped_s > OVERLOAD_S:
             self._patience = 1.0
@@ -140,6 +149,9 @@ class Worker(_TaskThread):
         for waiting in data[:-1]:
             if now_s - waiting.received_s > KEPT_SHARE * allowed_s:
                 self._drop(waiting)
+
+    def _oldest_data(self) -> _Waiting | None:
+        return next((waiting for waiting in self._queue if waiting.is_data), None)
 
     def _drop(self, waiting: _Waiting) -> None:
         self._queue.remove(waiting)

@@ -198,11 +198,11 @@ class CoherentMotions:
         velocity, agreement, alike = so_far, 0.0, 0.0
         rest_weight = REST_WEIGHT / math.sqrt(len(events))
         for step_px, reach in STEPS_PX:
-            right, down, agreement, alike = climbed(
+            right_px_s, down_px_s, agreement, alike = climbed(
                 events, shares, weight, self._pose, self._cell_px, so_far, velocity, step_px, reach, time_s,
                 CHANGE_WEIGHT, rest_weight, self._room,
             )  # fmt: skip
-            velocity = np.array([right, down])
+            velocity = np.array([right_px_s, down_px_s])
         return Motion(velocity, agreement, alike)
 
     def _at(

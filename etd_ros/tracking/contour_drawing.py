@@ -292,8 +292,8 @@ def climbed(points: Float32Array, shares: Float32Array, weight: Float32Array, po
             so_far: Float64Array, middle: Float64Array, step_px: float, reach: int, time_s: float, change_weight: float,
             rest_weight: float, room: Float32Array) -> tuple[float, float, float, float]:  # fmt: skip
     """The velocity of the greatest coherence among those up to `reach` steps to each side of one, climbed to from that:
-    half of them need not be looked at. Returns it (pixels/s), how well the points agree at it and how alike their parts
-    are, as `coherence` says.
+    half of them need not be looked at. Returns it (pixels/s), how well the points agree at it, as `coherence` says but
+    less what motion since the beginning has to bring, and how alike their parts are.
 
     Args:
         points: their ages count backwards from the beginning, so they are negative.
@@ -313,6 +313,7 @@ def climbed(points: Float32Array, shares: Float32Array, weight: Float32Array, po
     seen = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
     velocity, best_value = np.empty(2), -np.inf
     best = (middle[0], middle[1], 0.0, 0.0)
+    # No candidate yet.
     top_column = top_row = reach + 1
     column = row = 0
     while column != top_column or row != top_row:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -91,7 +92,7 @@ def test_a_process_that_was_being_started_when_the_interrupt_came_leaves_too(tmp
     assert journal == ["tracker gets SIGINT", "tracker is gone"]
 
 
-def test_an_interrupt_while_it_looks_after_a_process_does_not_keep_that_one_from_leaving(tmp_path):
+def test_an_interrupt_while_it_looks_after_a_process_does_not_keep_that_one_from_leaving(tmp_path, monkeypatch):
     class InterruptedLock:
         """The lock of a process as `poll` takes it, with an interrupt at the moment at which it is held."""
 
@@ -107,7 +108,7 @@ def test_an_interrupt_while_it_looks_after_a_process_does_not_keep_that_one_from
             self.is_held = False
 
     def look_after(processes: demo.Processes, lock: InterruptedLock) -> None:
-        processes.start("accumulator", ["--ros-args", "-r", "__ns:=/demo_end"])
+        processes.start("accumulator", [])
         child = processes._children["accumulator"]
         plain, child._waitpid_lock = child._waitpid_lock, lock
         try:
@@ -115,6 +116,10 @@ def test_an_interrupt_while_it_looks_after_a_process_does_not_keep_that_one_from
         finally:
             child._waitpid_lock = plain
 
+    popen, plainly = subprocess.Popen, "import time; time.sleep(3600)"
+    monkeypatch.setattr(
+        demo.subprocess, "Popen", lambda _, **options: popen([sys.executable, "-c", plainly], **options)
+    )
     lock = InterruptedLock()
     with handled(LEAVE, demo._interrupt), pytest.raises(KeyboardInterrupt), demo.Processes(tmp_path) as processes:
         look_after(processes, lock)

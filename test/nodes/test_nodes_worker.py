@@ -58,6 +58,20 @@ def test_beyond_its_bound_the_oldest_messages_are_dropped_and_counted(worker):
     assert (worker.counters.dropped_messages, worker.counters.dropped_bytes) == (3, 120)
 
 
+@pytest.mark.parametrize(("max_age_s", "keeps_up"), [(3600.0, True), (0.0, False)])
+def test_work_keeps_up_until_data_has_waited_for_a_part_of_what_is_allowed(errors, max_age_s, keeps_up):
+    worker = Worker("test", 1000, max_age_s, errors.append)
+    go_on = hold(worker)
+    worker.submit_request(lambda _: None)
+    assert worker.keeps_up, "a request is not dropped as too old"
+    worker.submit(lambda _: None, b"data")
+    assert worker.keeps_up == keeps_up
+    go_on.set()
+    run_all(worker)
+    assert worker.keeps_up
+    worker.stop()
+
+
 def test_data_that_has_waited_too_long_is_dropped_but_for_the_newest_and_requests_are_not(errors):
     worker = Worker("test", 1000, 0.0, errors.append)
     seen = []

@@ -34,6 +34,13 @@ def test_the_motion_near_the_one_so_far_is_found(velocity):
     assert found.alike > 0.5
 
 
+def test_what_is_climbed_to_agrees_as_it_does_by_itself():
+    events = events_of((25.0, -20.0))
+    found = motions().near(events, TIME_S, AT_REST)
+    alone = motions().best_of(events, TIME_S, [found.velocity])
+    assert (found.agreement, found.alike) == pytest.approx((alone.agreement, alone.alike), rel=1e-6)
+
+
 def test_a_fast_motion_is_found_farther_off_alone():
     velocity, events = np.array([150.0, 0.0]), events_of((150.0, 0.0))
     near = motions().near(events, TIME_S, AT_REST)
