@@ -245,6 +245,30 @@ def _line_products(weight: Float32Array, on: Float32Array, off: Float32Array, be
     return float(own), float(common)
 
 
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _coherence(points: Float32Array, count: int, shares: Float32Array, weight: Float32Array, pose: Float64Array,
+               cell_px: float, velocity: Float64Array, time_s: float, room: Float32Array
+               ) -> tuple[float, float]:  # fmt: skip
+    """What `coherence` says."""
+    rows, columns = weight.shape
+    drawn, lines = room[0], room[1]
+    _draw_parts(points, count, shares, _grid(pose, cell_px, velocity, time_s, drawn, columns), drawn, lines)
+    number = drawn.shape[1] // (2 * columns)
+    own, before = np.zeros(number), np.empty((2, columns), np.float32)
+    found = possible = 0.0
+    for row in range(rows):
+        before[:] = np.float32(0)
+        for part in range(number):
+            on, off = drawn[row, 2 * part * columns :][:columns], drawn[row, (2 * part + 1) * columns :][:columns]
+            of_itself, of_both = _line_products(weight[row], on, off, before[0], before[1])
+            own[part] += of_itself
+            found += of_both
+    for part in range(number):
+        for other in range(part + 1, number):
+            possible += np.sqrt(own[part] * own[other])
+    return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER), float(found / max(possible, 1e-9))
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Float32Array, pose: Float64Array,
               cell_px: float, velocity: Float64Array, time_s: float, room: Float32Array
@@ -268,23 +292,7 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
         time_s: from the beginning to the end (s).
         room: to draw and smooth in, shape (2, rows, 2 * parts * columns), as `room_for_parts` makes it.
     """
-    rows, columns = weight.shape
-    drawn, lines = room[0], room[1]
-    _draw_parts(points, count, shares, _grid(pose, cell_px, velocity, time_s, drawn, columns), drawn, lines)
-    number = drawn.shape[1] // (2 * columns)
-    own, before = np.zeros(number), np.empty((2, columns), np.float32)
-    found = possible = 0.0
-    for row in range(rows):
-        before[:] = np.float32(0)
-        for part in range(number):
-            on, off = drawn[row, 2 * part * columns :][:columns], drawn[row, (2 * part + 1) * columns :][:columns]
-            of_itself, of_both = _line_products(weight[row], on, off, before[0], before[1])
-            own[part] += of_itself
-            found += of_both
-    for part in range(number):
-        for other in range(part + 1, number):
-            possible += np.sqrt(own[part] * own[other])
-    return float(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER), float(found / max(possible, 1e-9))
+    return _coherence(points, count, shares, weight, pose, cell_px, velocity, time_s, room)
 
 
 @njit(cache=True, nogil=True)
@@ -325,7 +333,9 @@ def climbed(points: Float32Array, shares: Float32Array, weight: Float32Array, po
                 seen[right + reach, down + reach] = True
                 velocity[0] = middle[0] + right * (step_px / time_s)
                 velocity[1] = middle[1] + down * (step_px / time_s)
-                agreement, alike = coherence(points, len(points), shares, weight, pose, cell_px, velocity, time_s, room)
+                agreement, alike = _coherence(
+                    points, len(points), shares, weight, pose, cell_px, velocity, time_s, room
+                )
                 agreement *= math.exp(-(rest_weight * math.hypot(velocity[0], velocity[1]) * time_s))
                 change_px = math.hypot(velocity[0] - so_far[0], velocity[1] - so_far[1]) * time_s
                 value = agreement * math.exp(-change_weight * change_px**2)
