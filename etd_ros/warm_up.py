@@ -95,8 +95,8 @@ def _track() -> None:
     surface = TimeSurface(SENSOR_SIDE, SENSOR_SIDE)
     surface.shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
     backdrop = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).own.backdrop
-    backdrop.velocity, backdrop.is_settled = np.array([1000.0, 0.0]), True
-    backdrop.keep_own(*surface.points((0, 8, 0, 8), 0.1), np.array([16.0, 16.0, 1.0, 0.0]), np.zeros(2), 0.1)
+    backdrop.velocity, backdrop.is_settled = (1000.0, 0.0), True
+    backdrop.keep_own(*surface.points((0, 8, 0, 8), 0.1), np.array([16.0, 16.0, 1.0, 0.0]), (0.0, 0.0), 0.1)
 
 
 def _discover() -> None:

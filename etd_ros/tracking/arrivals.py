@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.body import Body, Standing
+from etd_ros.tracking.body import Body, Standing, Velocity
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.surface import TimeSurface, Window
 from etd_ros.tracking.usual_looks import EVENTS_MIN
@@ -57,7 +57,7 @@ class Arrival(NamedTuple):
 
     x: float
     y: float
-    velocity: Float64Array
+    velocity: Velocity
 
 
 class Arrivals:
@@ -102,8 +102,8 @@ class Arrivals:
             return None
         along, inwards = (piece + 0.5) * PIECE_PX, -self._outward * self._usual_speed_px_s
         if self._across == 0:
-            return Arrival(self._border, along, np.array([inwards, 0.0]))
-        return Arrival(along, self._border, np.array([0.0, inwards]))
+            return Arrival(self._border, along, (inwards, 0.0))
+        return Arrival(along, self._border, (0.0, inwards))
 
     def _window(self) -> Window:
         """A strip inside the border."""

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from etd_ros.tracking.backdrop_kernels import keep_own, ring_shift
+from etd_ros.tracking.body import Velocity
 from etd_ros.tracking.contour_drawing import room_for_parts
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array
 from etd_ros.tracking.surface import NEVER_NS, TimeSurface, Window
@@ -55,7 +56,7 @@ class Backdrop:
         margin_px: how far round the model events are known (pixels).
 
     Attributes:
-        velocity: x, y (pixels/s), as far as it is known.
+        velocity: as far as it is known.
         is_known: whether what is round the target seems to move as one.
         is_settled: whether the last look has found it near where it should have been.
     """
@@ -76,7 +77,7 @@ class Backdrop:
 
     def forget(self) -> None:
         """The target is elsewhere, or at another time."""
-        self.velocity: Float64Array = np.zeros(2)
+        self.velocity: Velocity = (0.0, 0.0)
         self.is_known = self.is_settled = False
         self._seen_ns = NEVER_NS
 
@@ -84,9 +85,9 @@ class Backdrop:
     def span_s(self) -> float:
         """Of how long a time it wants to see the events (s)."""
         shortest_s, longest_s = SPAN_S
-        return min(max(MOTION_PX / max(math.hypot(*self.velocity.tolist()), 1.0), shortest_s), longest_s)
+        return min(max(MOTION_PX / max(math.hypot(*self.velocity), 1.0), shortest_s), longest_s)
 
-    def is_due(self, stamp_ns: int, velocity: Float64Array, span_s: float) -> bool:
+    def is_due(self, stamp_ns: int, velocity: Velocity, span_s: float) -> bool:
         """Whether it is time (ns) to see how it moves: soon where it is in doubt, or can be told from a target of a
         velocity (pixels/s) in the time of a look (s)."""
         is_in_doubt = self.is_known and not self.is_settled
@@ -104,16 +105,17 @@ class Backdrop:
     def see(self, points: Float32Array, count: int, pose: Float64Array, span_s: float) -> None:
         """Tell the velocity from the events of a time (s), round the target's pose at its end."""
         reach = NEAR_CELLS if self.is_known else FAR_CELLS
+        believed = np.array(self.velocity)
         right_px, down_px, alike = ring_shift(
-            points, count, pose, self._cell_px, self.velocity, span_s, self._ring, reach, self._halves, self._room,
+            points, count, pose, self._cell_px, believed, span_s, self._ring, reach, self._halves, self._room,
             self._sides,
         )  # fmt: skip
         events = self._sides.sum()
         surrounds = events >= EVENTS_MIN and np.sort(self._sides)[1] >= SIDE_SHARE_MIN * events
-        velocity = self.velocity + np.array([right_px, down_px]) / (span_s / 2)
-        self.is_known = bool(surrounds and alike >= ALIKE_MIN and math.hypot(*velocity.tolist()) <= SPEED_MAX_PX_S)
+        velocity = self.velocity[0] + right_px / (span_s / 2), self.velocity[1] + down_px / (span_s / 2)
+        self.is_known = bool(surrounds and alike >= ALIKE_MIN and math.hypot(*velocity) <= SPEED_MAX_PX_S)
         self.is_settled = self.is_known and math.hypot(right_px, down_px) <= SETTLED_PX
-        self.velocity = velocity if self.is_known else np.zeros(2)
+        self.velocity = velocity if self.is_known else (0.0, 0.0)
 
     def see_start(self, events: Float32Array, pose: Float64Array, time_s: float) -> None:
         """Tell the velocity from the events of a start, whose ages count backwards from it, round the target's pose
@@ -123,21 +125,20 @@ class Backdrop:
         for _ in range(START_FITS):
             self.see(points, len(points), pose, time_s)
 
-    def is_with(self, velocity: Float64Array, span_s: float) -> bool:
+    def is_with(self, velocity: Velocity, span_s: float) -> bool:
         """Whether it moves as a target of a velocity (pixels/s) does, as far as a time (s) tells."""
         return self.is_settled and not self._is_apart(velocity, span_s)
 
-    def _is_apart(self, velocity: Float64Array, span_s: float) -> bool:
+    def _is_apart(self, velocity: Velocity, span_s: float) -> bool:
         """Whether it can be told from a target of a velocity (pixels/s) in a time (s)."""
         return self.is_settled and math.dist(self.velocity, velocity) * span_s >= APART_PX
 
-    def keep_own(
-        self, points: Float32Array, count: int, pose: Float64Array, velocity: Float64Array, span_s: float
-    ) -> int:
+    def keep_own(self, points: Float32Array, count: int, pose: Float64Array, velocity: Velocity, span_s: float) -> int:
         """Keep the points that are of a target with this pose and velocity (pixels/s), of a time (s), in place; how
         many they are."""
         if not self._is_apart(velocity, span_s):
             return count
         least = max(OWN_MIN, round(OWN_SHARE_MIN * count))
+        own, behind = np.array(velocity), np.array(self.velocity)
         columns, room = self._ring.shape[1], self._room_for_parts
-        return int(keep_own(points, count, pose, self._cell_px, velocity, self.velocity, span_s, least, columns, room))
+        return int(keep_own(points, count, pose, self._cell_px, own, behind, span_s, least, columns, room))

@@ -10,9 +10,12 @@ import numpy as np
 from etd_ros.boxes import Box
 from etd_ros.tracking.contour_kernels import ANGLE, SCALE, Float64Array
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S
-from etd_ros.tracking.model_box import ModelBox
+from etd_ros.tracking.model_box import ModelBox, Pose
 from etd_ros.tracking.shape import reach_of
 from etd_ros.tracking.steady_change import SteadyChange
+
+Velocity = tuple[float, float]
+"""x, y (pixels/s)."""
 
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
 """How much of a misfit is a misfit of the rate."""
@@ -30,16 +33,15 @@ class Body:
         stamp_ns: the time of that (ns).
 
     Attributes:
-        pose: float64, x, y of the centre (pixels), scale, angle (rad).
-        velocity: float64, x, y (pixels/s).
+        pose, velocity: now.
         stamp_ns: the time of the pose (ns).
         turning: how fast it turns (rad/s).
         growing: how fast it grows (the logarithm of its scale, 1/s).
     """
 
     def __init__(self, box: Box, stamp_ns: int) -> None:
-        self.pose = np.array([*box.center, 1.0, 0.0])
-        self.velocity = np.zeros(2)
+        self.pose: Pose = (*box.center, 1.0, 0.0)
+        self.velocity: Velocity = (0.0, 0.0)
         self.stamp_ns = stamp_ns
         self.turning = SteadyChange(TURN_GAIN)
         self.growing = SteadyChange(GROWTH_GAIN)
@@ -67,7 +69,7 @@ class Body:
     @property
     def speed_px_s(self) -> float:
         """How fast it moves (pixels/s)."""
-        return math.hypot(*self.velocity.tolist())
+        return math.hypot(*self.velocity)
 
     @property
     def sizes_per_s(self) -> float:
@@ -83,7 +85,7 @@ class Body:
     @property
     def motion(self) -> Float64Array:
         """How it moves, turns and grows: pixels/s, pixels/s, rad/s and 1/s."""
-        return np.array([*self.velocity.tolist(), self.turning.per_s, self.growing.per_s])
+        return np.array([*self.velocity, self.turning.per_s, self.growing.per_s])
 
     def since_s(self, stamp_ns: int) -> float:
         """From the time of its pose to another one (s)."""
@@ -91,70 +93,84 @@ class Body:
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where its centre is at a time (ns), if the motion goes on (pixels)."""
-        (x, y, _, _), (right, down), since_s = self.pose.tolist(), self.velocity.tolist(), self.since_s(stamp_ns)
+        (x, y, _, _), (right, down), since_s = self.pose, self.velocity, (stamp_ns - self.stamp_ns) * 1e-9
         return x + right * since_s, y + down * since_s
 
     def changed(self, stamp_ns: int) -> tuple[float, float]:
         """Scale and angle (rad) at a time (ns), if growing and turning go on."""
         since_s = self.since_s(stamp_ns)
-        _, _, scale, angle = self.pose.tolist()
+        _, _, scale, angle = self.pose
         return scale * math.exp(self.growing.per_s * since_s), angle + self.turning.per_s * since_s
 
-    def velocity_to(self, x: float, y: float, stamp_ns: int) -> Float64Array:
+    def velocity_to(self, x: float, y: float, stamp_ns: int) -> Velocity:
         """The velocity, x and y (pixels/s), if it goes to a place (pixels) by a time (ns): an average of that so far
         and of the way there."""
         elapsed_s = self.since_s(stamp_ns)
         if elapsed_s <= 0:
-            return self.velocity.copy()
+            return self.velocity
         shortest_s, longest_s = VELOCITY_S
         average_s = min(max(VELOCITY_PX / max(self.speed_px_s, 1e-3), shortest_s), longest_s)
-        last = (np.array([x, y]) - self.pose[:2]) / elapsed_s
-        return np.asarray(self.velocity + elapsed_s / (elapsed_s + average_s) * (last - self.velocity))
+        (here_x, here_y, _, _) = self.pose
+        last = (x - here_x) / elapsed_s, (y - here_y) / elapsed_s
+        return nearer(self.velocity, last, elapsed_s / (elapsed_s + average_s))
 
     def go_to(self, x: float, y: float, stamp_ns: int, gain: float) -> None:
         """Be at a place (pixels) at a time (ns); the velocity follows by `gain`, 0 to 1."""
-        self.velocity += gain * (self.velocity_to(x, y, stamp_ns) - self.velocity)
-        self.pose[2:] = self.changed(stamp_ns)
-        self.pose[:2] = x, y
+        self.velocity = nearer(self.velocity, self.velocity_to(x, y, stamp_ns), gain)
+        self.pose = x, y, *self.changed(stamp_ns)
         self.stamp_ns = stamp_ns
 
-    def go_on_at(self, velocity: Float64Array, gain: float) -> None:
+    def be_at(self, x: float, y: float) -> None:
+        """Be at a place (pixels), as large and turned as before."""
+        _, _, scale, angle = self.pose
+        self.pose = x, y, scale, angle
+
+    def turn_to(self, angle_rad: float) -> None:
+        """Be turned so far (rad)."""
+        x, y, scale, _ = self.pose
+        self.pose = x, y, scale, angle_rad
+
+    def go_on_at(self, velocity: Velocity, gain: float) -> None:
         """Move at a velocity (pixels/s), by `gain` from 0 to 1, and neither turn nor grow."""
-        self.velocity += gain * (velocity - self.velocity)
+        self.velocity = nearer(self.velocity, velocity, gain)
         self.turning.stop()
         self.growing.stop()
 
     def stop(self) -> None:
         """Be at rest."""
-        self.velocity[:] = 0
+        self.velocity = 0.0, 0.0
         self.turning.stop()
         self.growing.stop()
 
     def grow(self, growth: float) -> None:
         """Change the scale's logarithm, within limits."""
+        self._scale_to(self.pose[SCALE] * math.exp(growth))
+
+    def _scale_to(self, scale: float) -> None:
+        """Be of this scale, within limits."""
+        x, y, _, angle = self.pose
         least, most = SCALE_LIMITS
-        self.pose[SCALE] = min(max(self.pose[SCALE] * math.exp(growth), least), most)
+        self.pose = x, y, min(max(scale, least), most), angle
 
     def grow_on(self, growth: float) -> None:
         """Change the scale's logarithm, and believe that it has come to be off by its rate as well."""
         self.grow(growth)
         self.growing.correct(growth)
 
-    def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
+    def change_since(self, pose: Pose, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
         """It has grown and turned at these rates (1/s, rad/s) for a time (s), from the scale and angle of a pose."""
         self.turning.per_s = turning_rad_s
-        self.pose[ANGLE] = pose[ANGLE] + turning_rad_s * time_s
         self.growing.per_s = growing_per_s
-        self.pose[SCALE] = pose[SCALE]
+        x, y, _, _ = self.pose
+        self.pose = x, y, pose[SCALE], pose[ANGLE] + turning_rad_s * time_s
         self.grow(growing_per_s * time_s)
 
     def appear(self, box: Box, angle_rad: float, stamp_ns: int) -> None:
         """Be in a box (pixels) at a time (ns), turned so far, and lie in it as at the start."""
-        self.pose[:] = *box.center, 1.0, angle_rad
+        self.pose = *box.center, 1.0, angle_rad
         self._model_box.reset()
         upright = self.box
-        least, most = SCALE_LIMITS
-        self.pose[SCALE] = min(max(math.sqrt(box.w * box.h / (upright.w * upright.h)), least), most)
+        self._scale_to(math.sqrt(box.w * box.h / (upright.w * upright.h)))
         self.stamp_ns = stamp_ns
 
     def take_shape(self, places: Float64Array) -> None:
@@ -166,15 +182,27 @@ class Body:
         self._model_box.correct(right, below, wider, higher, self.pose)
 
 
-def sizes_per_s(velocity: Float64Array, width: float, height: float) -> float:
+def sizes_per_s(velocity: Velocity, width: float, height: float) -> float:
     """How fast a velocity (pixels/s) is in so many widths and heights (pixels), as `Body.sizes_per_s`."""
-    right, down = velocity.tolist()
-    return float(abs(right) / width + abs(down) / height)
+    right, down = velocity
+    return abs(right) / width + abs(down) / height
 
 
-def moved_on(x: float, y: float, velocity: Float64Array, since_ns: int) -> tuple[float, float]:
+def nearer(velocity: Velocity, other: Velocity, share: float) -> Velocity:
+    """A velocity moved towards another one by a share of the way, 0 to 1."""
+    (right, down), (other_right, other_down) = velocity, other
+    return right + share * (other_right - right), down + share * (other_down - down)
+
+
+def pair(xy: Float64Array) -> tuple[float, float]:
+    """A place or a velocity, of which an array holds x and y."""
+    x, y = xy.tolist()
+    return x, y
+
+
+def moved_on(x: float, y: float, velocity: Velocity, since_ns: int) -> tuple[float, float]:
     """Where a motion (pixels/s) has brought a place (pixels) after a time (ns)."""
-    right, down = velocity.tolist()
+    right, down = velocity
     return x + right * since_ns * 1e-9, y + down * since_ns * 1e-9
 
 
@@ -183,15 +211,15 @@ class Standing:
     """Where a target stood: at stamp_ns its pose and velocity, as those of `Body`."""
 
     stamp_ns: int
-    pose: Float64Array
-    velocity: Float64Array
+    pose: Pose
+    velocity: Velocity
 
     @classmethod
     def of(cls, body: Body) -> Standing:
         """Where it stands now."""
-        return cls(body.stamp_ns, body.pose.copy(), body.velocity.copy())
+        return cls(body.stamp_ns, body.pose, body.velocity)
 
     def predicted(self, stamp_ns: int) -> tuple[float, float]:
         """Where its centre is at a time (ns), if the motion goes on (pixels)."""
-        x, y, _, _ = self.pose.tolist()
+        x, y, _, _ = self.pose
         return moved_on(x, y, self.velocity, stamp_ns - self.stamp_ns)

@@ -63,6 +63,11 @@ class BoxRefinement:
         self._waiting: BoxView | None = None
         self._stamp_ns = start_stamp_ns
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there is something for `answer`."""
+        return self._waiting is not None
+
     def keep(self, contours: Contours, surface: TimeSurface) -> None:
         """Keep the surface up to date as far round a fast target as the network will look. Of others it sees what their
         own looks have kept: more would bring old events into those."""
@@ -98,7 +103,7 @@ class BoxRefinement:
             self._put_right(contours, view, takes_all_on=True)
         else:
             # The next look may write over these.
-            self._waiting = replace(view, points=view.points.copy(), velocity=view.velocity.copy())
+            self._waiting = replace(view, points=view.points.copy())
 
     def answer(self, contours: Contours, stamp_ns: int) -> None:
         """Put a slow target's box right by what was seen at an earlier frame than that of this time (ns): a look and
@@ -138,7 +143,7 @@ class BoxRefinement:
             points=points[:count],
             span_s=span_s,
             box=box,
-            velocity=body.velocity,
+            velocity=np.array(body.velocity),
             usual=usual,
             first=was,
             sensor=(surface.width, surface.height),

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from etd_ros.tracking.cell_weights import WEIGHT_FADES, oval
-from etd_ros.tracking.contour_drawing import agreements, climbed, coherence, room_for_parts
+from etd_ros.tracking.contour_drawing import agreements, climbed, coherence, most_coherent, room_for_parts
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import BORDER_CELLS
 from etd_ros.tracking.growth import arm_px
@@ -109,8 +108,8 @@ class CoherentMotions:
         best = self.best_of(some_of(events), time_s, _round(so_far, FAST_STEP_PX / time_s, FAST_STEPS)).velocity
         return near if np.array_equal(best, so_far) else self.near(events, time_s, best)
 
-    def best_of(self, events: Float32Array, time_s: float, velocities: Iterable[Float64Array]) -> Motion:
-        """The motion at which the events agree best, of those with these velocities (pixels/s)."""
+    def best_of(self, events: Float32Array, time_s: float, velocities: Float64Array) -> Motion:
+        """The motion at which the events agree best, of those with these velocities (pixels/s), shape (motions, 2)."""
         return self._best_of(events, time_s, _alike(events), velocities)
 
     def agreement_if(self, turned: Turned, events: Float32Array, time_s: float) -> float:
@@ -184,19 +183,20 @@ class CoherentMotions:
         is_better = own.agreement >= known.agreement and own.alike >= max(OWN_ALIKE_MIN, known.alike - 0.01)
         return own.velocity if is_other and is_better else None
 
-    def _best_of(
-        self, events: Float32Array, time_s: float, shares: Float32Array, velocities: Iterable[Float64Array]
-    ) -> Motion:
+    def _best_of(self, events: Float32Array, time_s: float, shares: Float32Array, velocities: Float64Array) -> Motion:
         """`best_of` of events that count by shares."""
-        motions = (self._at(events, time_s, shares, self._weight, velocity) for velocity in velocities)
-        return max(motions, key=lambda motion: motion.agreement)
+        number, agreement, alike = most_coherent(
+            events, shares, self._weight, self._pose, self._cell_px, velocities, time_s, _rest_weight(len(events)),
+            self._room,
+        )  # fmt: skip
+        return Motion(velocities[number], agreement, alike)
 
     def _near(
         self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, so_far: Float64Array
     ) -> Motion:
         """`near` of events that count by shares, in cells that count by weights, coarse to fine."""
         velocity, agreement, alike = so_far, 0.0, 0.0
-        rest_weight = REST_WEIGHT / math.sqrt(len(events))
+        rest_weight = _rest_weight(len(events))
         for step_px, reach in STEPS_PX:
             right_px_s, down_px_s, agreement, alike = climbed(
                 events, shares, weight, self._pose, self._cell_px, so_far, velocity, step_px, reach, time_s,
@@ -222,10 +222,11 @@ class CoherentMotions:
         return agreed
 
 
-def _round(velocity: Float64Array, step_px_s: float, steps: int) -> Iterator[Float64Array]:
-    """Velocities (pixels/s) up to so many steps from one, which is among them."""
-    reach = range(-steps, steps + 1)
-    return (velocity + np.array([i, j]) * step_px_s for j in reach for i in reach if math.hypot(i, j) <= steps)
+def _round(velocity: Float64Array, step_px_s: float, steps: int) -> Float64Array:
+    """Velocities (pixels/s) up to so many steps from one, which is among them, shape (velocities, 2)."""
+    down, right = np.mgrid[-steps : steps + 1, -steps : steps + 1]
+    is_near = np.hypot(right, down) <= steps
+    return np.asarray(velocity + np.stack([right[is_near], down[is_near]], axis=1) * step_px_s)
 
 
 def _alike(events: Float32Array) -> Float32Array:
@@ -236,4 +237,9 @@ def _alike(events: Float32Array) -> Float32Array:
 def _not_by_chance(events: int, speed_px_s: float, time_s: float) -> float:
     """The share of the agreement of so many events, for a motion at this speed since the start, that chance does not
     bring."""
-    return math.exp(-(REST_WEIGHT / math.sqrt(events) * speed_px_s * time_s))
+    return math.exp(-(_rest_weight(events) * speed_px_s * time_s))
+
+
+def _rest_weight(events: int) -> float:
+    """How much coherence of so many events a pixel of motion since the start has to bring."""
+    return REST_WEIGHT / math.sqrt(events)

@@ -296,6 +296,22 @@ def coherence(points: Float32Array, count: int, shares: Float32Array, weight: Fl
 
 
 @njit(cache=True, nogil=True)
+def most_coherent(points: Float32Array, shares: Float32Array, weight: Float32Array, pose: Float64Array, cell_px: float,
+                  velocities: Float64Array, time_s: float, rest_weight: float, room: Float32Array
+                  ) -> tuple[int, float, float]:  # fmt: skip
+    """The first velocity of the greatest coherence among several (pixels/s), shape (velocities, 2): its number, how
+    well the points agree at it, and how alike their parts are; the other arguments are those of `climbed`."""
+    best = 0, -np.inf, 0.0
+    for number in range(len(velocities)):
+        velocity = velocities[number]
+        agreement, alike = _coherence(points, len(points), shares, weight, pose, cell_px, velocity, time_s, room)
+        agreement *= math.exp(-(rest_weight * math.hypot(velocity[0], velocity[1]) * time_s))
+        if agreement > best[1]:
+            best = number, agreement, alike
+    return best
+
+
+@njit(cache=True, nogil=True)
 def climbed(points: Float32Array, shares: Float32Array, weight: Float32Array, pose: Float64Array, cell_px: float,
             so_far: Float64Array, middle: Float64Array, step_px: float, reach: int, time_s: float, change_weight: float,
             rest_weight: float, room: Float32Array) -> tuple[float, float, float, float]:  # fmt: skip

@@ -3,14 +3,12 @@ something like it was seen since."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from etd_ros.boxes import Box
 from etd_ros.tracking.arrivals import Arrivals, Side
-from etd_ros.tracking.body import Standing, moved_on
-from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.body import Standing, Velocity, moved_on
 from etd_ros.tracking.contours import KEPT_MARGIN_PX, MARGIN, Contours
 from etd_ros.tracking.expected_place import (
     AGREEING_LOOKS,
@@ -61,7 +59,7 @@ class _Seen(NamedTuple):
     stamp_ns: int
     x: float
     y: float
-    velocity: Float64Array
+    velocity: Velocity
     confidence: float
     confidence_if_turned: float
 
@@ -75,7 +73,7 @@ class _Place(NamedTuple):
 
     x: float
     y: float
-    velocity: Float64Array
+    velocity: Velocity
     unseen_s: float
     is_expected: bool = False
 
@@ -132,8 +130,8 @@ class ContourSearch:
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
         # What has left comes back.
-        self._expected_velocity = -before.velocity if self.has_left else before.velocity
-        self._at_rest = np.zeros(2)
+        right, down = before.velocity
+        self._expected_velocity = (-right, -down) if self.has_left else before.velocity
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
         self._place: _Place
@@ -158,8 +156,8 @@ class ContourSearch:
         body, surface = self._contours.body, self._surface
         until_ns = min(surface.stamp_ns, self._begun_ns + round(COAST_S * 1e9))
         x, y = self._before.predicted(until_ns)
-        body.pose[0], body.pose[1] = min(max(x, 0), surface.width - 1), min(max(y, 0), surface.height - 1)
-        body.velocity[:] = self._before.velocity
+        body.be_at(min(max(x, 0.0), surface.width - 1.0), min(max(y, 0.0), surface.height - 1.0))
+        body.velocity = self._before.velocity
         body.stamp_ns = surface.stamp_ns
 
     def keep(self) -> None:
@@ -173,6 +171,14 @@ class ContourSearch:
         if self._arrivals is not None:
             self._arrivals.keep()
 
+    def next_ns(self, patience: float) -> int:
+        """When it is looked for next (ns); `patience` as for `found`."""
+        searches_ns = self._searches_ns(patience)
+        return min(searches_ns, self._expected.next_ns(patience)) if self._is_expected_on_sensor() else searches_ns
+
+    def _searches_ns(self, patience: float) -> int:
+        return self._searched_ns + round(CONFIRM_NS if self._path else patience * SEARCH_NS)
+
     def found(self, patience: float = 1.0) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then. Where nothing that
         may be it is seen, the next look waits `patience` times as long."""
@@ -180,10 +186,10 @@ class ContourSearch:
         if self._is_expected_on_sensor():
             look = self._expected.found(patience)
             if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX):
-                body.pose[:2] = look.x, look.y
+                body.be_at(look.x, look.y)
                 self.is_unsettled = False
                 return True
-        if stamp_ns - self._searched_ns < (CONFIRM_NS if self._path else patience * SEARCH_NS):
+        if stamp_ns < self._searches_ns(patience):
             return False
         self._searched_ns = stamp_ns
         look = self._look_again() if self._path else self._begin(self._look_round())
@@ -201,8 +207,8 @@ class ContourSearch:
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
                 self.give_up()
             return False
-        body.pose[:2] = look.x, look.y
-        body.velocity[:] = self._path[-1].velocity
+        body.be_at(look.x, look.y)
+        body.velocity = self._path[-1].velocity
         return True
 
     def _is_it(self, look: Look) -> bool:
@@ -218,15 +224,16 @@ class ContourSearch:
         soon_ns = seen.stamp_ns + round(INWARD_S * 1e9)
         here, soon = (self._contours.body.box_at(*seen.predicted(stamp_ns)) for stamp_ns in (seen.stamp_ns, soon_ns))
         inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
-        return inwards_px > INWARD_SHARE * float(np.hypot(*seen.velocity)) * INWARD_S
+        return inwards_px > INWARD_SHARE * math.hypot(*seen.velocity) * INWARD_S
 
-    def _is_alone(self, look: Look, velocity: Float64Array, elsewhere_max: float) -> bool:
+    def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float) -> bool:
         """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""
         body = self._contours.body
-        pose, before = body.pose.copy(), body.velocity.copy()
-        body.pose[:2], body.velocity[:] = (look.x, look.y), velocity
+        pose, before = body.pose, body.velocity
+        body.be_at(look.x, look.y)
+        body.velocity = velocity
         elsewhere = share_elsewhere(self._contours, self._surface, self._usual, look.x, look.y, elsewhere_max)
-        body.pose[:], body.velocity[:] = pose, before
+        body.pose, body.velocity = pose, before
         return elsewhere <= elsewhere_max
 
     def _is_expected_on_sensor(self) -> bool:
@@ -254,11 +261,11 @@ class ContourSearch:
     def _places(self) -> list[_Place]:
         """Where it may be: moved on, or stopped, or where something like it was seen since."""
         since_s = self.since_s
-        x, y, _, _ = self._contours.body.pose.tolist()
+        x, y, _, _ = self._contours.body.pose
         places = [_Place(x, y, self._expected_velocity, since_s, is_expected=True)]
         if not self.has_left:
-            x, y, _, _ = self._before.pose.tolist()
-            places.append(_Place(x, y, self._at_rest, since_s))
+            x, y, _, _ = self._before.pose
+            places.append(_Place(x, y, (0.0, 0.0), since_s))
         seen = self._path[-1] if self._path else self._glimpse
         if seen is not None:
             stamp_ns = self._surface.stamp_ns
@@ -278,7 +285,7 @@ class ContourSearch:
         arrival = self._arrivals.newest() if self._arrivals is not None else None
         place = places[self._turn % len(places)] if arrival is None else _Place(*arrival, self.since_s)
         look = contours.look_at(self._surface, place.x, place.y, self._radius_px(place))
-        return _WideLook(look, place, float(np.hypot(look.x - place.x, look.y - place.y)) < HERE_PX)
+        return _WideLook(look, place, math.hypot(look.x - place.x, look.y - place.y) < HERE_PX)
 
     def _begin(self, wide: _WideLook) -> Look:
         """Take what was seen for the candidate."""
@@ -293,7 +300,7 @@ class ContourSearch:
     def _look_again(self) -> Look:
         """The best place near where the candidate's motion would have brought it; or elsewhere, if that is better."""
         last, stamp_ns = self._path[-1], self._surface.stamp_ns
-        self._contours.body.velocity[:] = last.velocity
+        self._contours.body.velocity = last.velocity
         x, y = last.predicted(stamp_ns)
         sure = 0.5 if len(self._path) > FOUND_LOOKS else 1.0
         radius_px = NEAR_PX + sure * self._usual_speed_px_s * (stamp_ns - last.stamp_ns) * 1e-9
@@ -302,22 +309,23 @@ class ContourSearch:
         if confidence >= self._wanted or stamp_ns - self._looked_round_ns < SEARCH_NS:
             return look
         self._turn += 1
-        self._contours.body.velocity[:] = self._before.velocity
+        self._contours.body.velocity = self._before.velocity
         wide = self._look_round()
         other = wide.look
         is_better = self._usual.confidence_of_lost(other) > BETTER * confidence
-        is_elsewhere = float(np.hypot(other.x - look.x, other.y - look.y)) > ELSEWHERE_PX
+        is_elsewhere = math.hypot(other.x - look.x, other.y - look.y) > ELSEWHERE_PX
         if not (is_better and is_elsewhere and self._is_possible(other, is_first=True)):
             return look
         return self._begin(wide)
 
-    def _velocity_to(self, look: Look) -> Float64Array:
+    def _velocity_to(self, look: Look) -> Velocity:
         if not self._path:
             return self._place.velocity
         first = self._path[-PATH_LOOKS:][0]
         time_s = (self._surface.stamp_ns - first.stamp_ns) * 1e-9
-        moved = np.array([look.x - first.x, look.y - first.y])
-        return np.asarray((moved + PATH_S * self._path[-1].velocity) / (time_s + PATH_S))
+        right, down = self._path[-1].velocity
+        over_s = time_s + PATH_S
+        return (look.x - first.x + PATH_S * right) / over_s, (look.y - first.y + PATH_S * down) / over_s
 
     def _is_possible(self, look: Look, *, is_first: bool) -> bool:
         """Whether it may be the target: with events, on the sensor, and first at its border if it left there."""

@@ -13,8 +13,6 @@ from __future__ import annotations
 import copy
 import math
 
-import numpy as np
-
 from etd_ros.boxes import Box
 from etd_ros.recovery.interface import Found
 from etd_ros.tracking.arrivals import Side, side_of
@@ -34,7 +32,7 @@ from etd_ros.tracking.look_pace import FAST_SIZES_PER_S, VERY_FAST_SIZES_PER_S, 
 from etd_ros.tracking.other_targets import OtherBoxes, Place
 from etd_ros.tracking.set_off import KNOWN_MAX, SetOff
 from etd_ros.tracking.start_up import StartUp
-from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surface import NEVER_NS, TimeSurface
 from etd_ros.tracking.swept import Swept
 from etd_ros.tracking.target import (
     FrameData,
@@ -108,6 +106,7 @@ class ContourTarget:
         self._swept: Swept
         self._search: ContourSearch
         self._updated_ns: int
+        self._rests_until_ns: int
         self.followed_since_ns: int
         self._wait_for_start()
 
@@ -161,19 +160,42 @@ class ContourTarget:
             self._start_up = StartUp(self._contours)
             self._begin_refinement(stamp_ns)
             self._updated_ns = self.followed_since_ns = stamp_ns
+        if stamp_ns < self._rests_until_ns and image is None and not self._surface.has_just_halted:
+            self._updated_ns = stamp_ns
+            return self._report(stamp_ns)
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
             self._look(stamp_ns, image)
         was_held = self._held is not None
         if was_held:
             self._watch_for_drift(stamp_ns, image)
+        if self._state is TargetState.TRACKING:
+            is_sure = self._start_up is None and self._doubts.failing_s == 0
+            self._images.remember(stamp_ns, image, self._body.box, is_sure=is_sure)
+            if is_sure and not was_held:
+                self._watch_for_drift(stamp_ns, image)
+        self._rests_until_ns = self._next_look_ns()
+        return self._report(stamp_ns)
+
+    def _next_look_ns(self) -> int:
+        """Until when (ns) frames without an image change nothing, as its events are kept without it: of many targets
+        each rests between its looks. NEVER_NS where every frame may."""
+        patience = self._turns.patience
+        if not self._surface.keeps_all or self._lone_mover.is_looking:
+            return NEVER_NS
+        if self._held is not None or self._start_up is not None:
+            return NEVER_NS
+        if self._state is not TargetState.TRACKING:
+            return self._search.next_ns(patience)
+        is_waiting = self._refinement is not None and self._refinement.is_waiting
+        if is_waiting or not self.is_sure or self._last_clear.has_strayed:
+            return NEVER_NS
+        return self._contours.next_look_ns(patience)
+
+    def _report(self, stamp_ns: int) -> TargetReport:
         if self._state is not TargetState.TRACKING:
             box = self._stand.box_at(stamp_ns) if self._stand else None
             return TargetReport(self.name, self.state, box, 0.0)
-        is_sure = self._start_up is None and self._doubts.failing_s == 0
-        self._images.remember(stamp_ns, image, self._body.box, is_sure=is_sure)
-        if is_sure and not was_held:
-            self._watch_for_drift(stamp_ns, image)
         box = self._body.box_at(*self._body.predicted(stamp_ns))
         return TargetReport(self.name, self._state, box, min(1.0, self._following.confidence) * self._recency(stamp_ns))
 
@@ -197,9 +219,9 @@ class ContourTarget:
         """Where it is at a time (ns), if that is known, or believed so far."""
         body = self._body
         if self.begins(stamp_ns):
-            return Place(self.start_box, np.zeros(2), has_events=True)
+            return Place(self.start_box, (0.0, 0.0), has_events=True)
         if self._stand is not None:
-            return Place(self._stand.box, np.zeros(2), has_events=False)
+            return Place(self._stand.box, (0.0, 0.0), has_events=False)
         if self._state is not TargetState.TRACKING or not (self._start_up is not None or self.is_sure):
             return None
         return Place(body.box_at(*body.predicted(stamp_ns)), body.velocity, has_events=True)
@@ -230,6 +252,7 @@ class ContourTarget:
 
     def go_back(self, stamp_ns: int, standing: Standing, impression: Impression) -> None:
         """Something else has drawn it along since it stood there and looked so: look for it from there on."""
+        self._rests_until_ns = NEVER_NS
         self._last_clear.doubt(stamp_ns)
         self._doubts.fail_from(standing)
         self._following.motion.steady.forget()
@@ -263,15 +286,15 @@ class ContourTarget:
         found = self._lone_mover.found(is_doubted=not self.is_followed or self._doubts.failing_s > 0)
         if found is None:
             return
-        right, down = found.velocity.tolist()
-        if self._contours.known_along((right, down)) <= KNOWN_MAX:
+        if self._contours.known_along(found.velocity) <= KNOWN_MAX:
             self._start_again(self._contours.anew(found.box, stamp_ns), stamp_ns)
             self._start_up = StartUp(self._contours)
             return
         self._lone_mover.stop()
         self._contours.stop()
-        self._contours.turn((right, down))
-        self._body.pose[:2], self._body.velocity[:], self._body.stamp_ns = found.box.center, (right, down), stamp_ns
+        self._contours.turn(found.velocity)
+        self._body.be_at(*found.box.center)
+        self._body.velocity, self._body.stamp_ns = found.velocity, stamp_ns
         self._go_on(CONFIDENCE_FOUND, is_unsettled=False)
 
     def time_went_back(self, stamp_ns: int) -> None:
@@ -281,6 +304,7 @@ class ContourTarget:
             self._wait_for_start()
             return
         self._body.stamp_ns = self._updated_ns = stamp_ns
+        self._rests_until_ns = NEVER_NS
         self._contours.stop()
         self._contours.own.backdrop.forget()
         if self._start_up is not None:
@@ -309,6 +333,7 @@ class ContourTarget:
         self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
         self._first: tuple[Impression, UsualLooks] | None = None
         self._updated_ns = self.followed_since_ns = 0
+        self._rests_until_ns = NEVER_NS
         self._held = None
 
     def _check_sight(self, stamp_ns: int) -> None:
@@ -364,7 +389,7 @@ class ContourTarget:
         if found is None or sighting is None:
             return
         self._be_as_it_was(found.box, sighting.impression, sighting.usual, CONFIDENCE_FOUND, stamp_ns)
-        self._body.velocity[:] = found.velocity
+        self._body.velocity = found.velocity
 
     def _look_for_it_as_it_was(self, stamp_ns: int) -> None:
         """What was followed was something else, and can no longer be followed either."""
@@ -495,7 +520,7 @@ class ContourTarget:
         search.keep()
         answer = self._found_on_image(stamp_ns, image)
         if answer is not None:
-            self._body.pose[:2] = answer.box.center
+            self._body.be_at(*answer.box.center)
             self._contours.stop()
         elif not search.found(self._turns.patience):
             return
@@ -503,7 +528,7 @@ class ContourTarget:
             search.give_up()
             return
         is_expected = answer is None and not search.is_unsettled
-        if not self._last_clear.believe(*self._body.pose[:2].tolist(), is_expected=is_expected):
+        if not self._last_clear.believe(*self._body.pose[:2], is_expected=is_expected):
             return
         if answer is not None:
             self._go_on(answer.score, is_unsettled=True)

@@ -4,7 +4,7 @@ fitted to the newest events and learns slowly."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from etd_ros.tracking.look import Look
 from etd_ros.tracking.look_pace import LookPace
 from etd_ros.tracking.memories import Memories, Remembered, known_along
 from etd_ros.tracking.misfits import Misfits, Sight
+from etd_ros.tracking.model_box import Pose
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.own_events import OwnEvents
 from etd_ros.tracking.surface import TimeSurface
@@ -89,6 +90,7 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
+        self._kept_ns = stamp_ns
         self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     def anew(self, box: Box, stamp_ns: int) -> Contours:
@@ -111,7 +113,7 @@ class Contours:
     @property
     def _arm_px(self) -> float:
         """How far from the middle turning moves the model as much as moving does, usually (pixels)."""
-        return float(self._arm_cells * self.cell_px * self.body.pose[SCALE])
+        return self._arm_cells * self.cell_px * self.body.pose[SCALE]
 
     @property
     def known(self) -> float:
@@ -128,7 +130,7 @@ class Contours:
 
     def known_as(self, impression: Impression) -> float:
         """How much of what this motion along shows had been seen when it looked like that."""
-        right, down = self.body.velocity.tolist()
+        right, down = self.body.velocity
         length = max(math.hypot(right, down), 1e-9)
         return known_along(impression.remembered.seen, *self._turned(right / length, down / length))
 
@@ -143,12 +145,21 @@ class Contours:
         return cells.both_norms if self.is_changing else cells.trusted_norms
 
     def keep(self, surface: TimeSurface) -> int:
-        """Keep the surface up to date round the target; how many pixels of the newest frame fired there."""
+        """Keep the surface up to date round the target; how many pixels have fired there since the frame before, or
+        since this was asked last if the surface keeps all."""
         body = self.body
-        box = body.box_at(*body.predicted(surface.stamp_ns), MARGIN)
-        new = surface.keep(surface.window(box, KEPT_MARGIN_PX))
+        window = surface.window(body.box_at(*body.predicted(surface.stamp_ns), MARGIN), KEPT_MARGIN_PX)
+        was_asked = not surface.keeps_all or self._kept_ns >= surface.start_ns
+        new = surface.keep(window) if was_asked else surface.count(window, (surface.stamp_ns - self._kept_ns) * 1e-9)
+        self._kept_ns = surface.stamp_ns
         self._pace.wait_with(new)
         return new
+
+    def next_look_ns(self, patience: float) -> int:
+        """Before this time (ns) no look is due after a sure one, however many events come; `patience` as for
+        `is_due`."""
+        earliest_s = self._pace.earliest_s(self.sweep_px_s, self.body.sizes_per_s, patience)
+        return self.body.stamp_ns + int(earliest_s * 1e9)
 
     def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float = 1.0) -> bool:
         """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on;
@@ -166,7 +177,7 @@ class Contours:
         body = self.body
         x, y = body.predicted(surface.stamp_ns)
         correction = self._turning_by_flow.correction(
-            surface, body.box_at(x, y), np.array([x, y]), self.sweep_px_s, body.turning.per_s
+            surface, body.box_at(x, y), (x, y), self.sweep_px_s, body.turning.per_s
         )
         if correction != 0:
             body.turning.per_s += (1 - self.covered) * correction
@@ -221,10 +232,11 @@ class Contours:
             maps, norms = cells.trusted, cells.trusted_norms
         velocity, motion = body.motion, BIAS_PX * self.direction
         pose[0], pose[1] = x, y = search(
-            points, count, maps, norms, pose, self.cell_px, velocity, motion, body.pose, config.ridge_weight,
+            points, count, maps, norms, pose, self.cell_px, velocity, motion, np.array(body.pose), config.ridge_weight,
             any_motion, float(radius_px),
         )  # fmt: skip
-        motion[:2] += pose[:2] - body.pose[:2]
+        motion[0] += x - body.pose[0]
+        motion[1] += y - body.pose[1]
         score, events, *direction = score_at(
             points, count, maps, norms, pose, self.cell_px, velocity, motion, config.ridge_weight, any_motion
         )
@@ -258,12 +270,13 @@ class Contours:
         span_s = max(self._motion_s(), elapsed_s, SPAN_MIN_S)
         self._take_growth_of_flow(surface)
         points, count = surface.points(surface.window(box, BORDER_CELLS), span_s)
-        count = self.own.keep(points, count, self.body.pose, self.body.velocity, span_s, surface.stamp_ns)
+        pose = np.array(self.body.pose)
+        count = self.own.keep(points, count, pose, self.body.velocity, span_s, surface.stamp_ns)
         self._fit_scale_and_angle(surface, self._sight(points, count), elapsed_s)
         self._note_direction()
         self._looks += 1
         sight = self._sight(points, count)
-        inside = splat(points, count, self.body.pose, self.cell_px, sight.velocity, self.drawn)
+        inside = splat(points, count, sight.pose, self.cell_px, sight.velocity, self.drawn)
         self._pace.count(inside, self.sweep_px_s * span_s)
         rate = trust * max(self.config.learning_rate, 1 / self._looks, NEW_RATE * (1 - self.known))
         normalise(self.drawn, self.room, self._memories.weight, 1.0)
@@ -277,7 +290,7 @@ class Contours:
         self._growth_by_flow = GrowthByFlow()
         self._turning_by_flow = self._trial = None
 
-    def change_since(self, pose: Float64Array, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
+    def change_since(self, pose: Pose, growing_per_s: float, turning_rad_s: float, time_s: float) -> None:
         """The target has changed as for `Body.change_since`, by the flow of its edges."""
         self._turning_by_flow = TurningByFlow() if turning_rad_s != 0 else None
         self._growth_by_flow = GrowthByFlow(grows=growing_per_s != 0, is_new=True)
@@ -303,7 +316,7 @@ class Contours:
 
     def impression(self) -> Impression:
         """What the target looks like now."""
-        return Impression(self._memories.remembered(), self.direction, float(self.body.pose[ANGLE]))
+        return Impression(self._memories.remembered(), self.direction, self.body.pose[ANGLE])
 
     def recall(self, impression: Impression) -> None:
         """Look as the target once did."""
@@ -344,15 +357,15 @@ class Contours:
     def draw_usual(self, drawn: Float32Array, span: float) -> None:
         """Draw what the target usually looks like where it lies now, `span` times as wide and high as its box; shape
         (3, cells, cells), as `draw_model` has it."""
-        box, (x, y) = self.body.box, self.body.pose[:2].tolist()
-        middle = box.center[0] - x, box.center[1] - y
-        draw_model(self._memories.usual, self.body.pose, self.cell_px, *middle, span * box.w, span * box.h, drawn)
+        box, pose = self.body.box, self.body.pose
+        middle = box.center[0] - pose[0], box.center[1] - pose[1]
+        draw_model(self._memories.usual, np.array(pose), self.cell_px, *middle, span * box.w, span * box.h, drawn)
 
     def draw_first(self, maps: Float32Array, drawn: Float32Array, span: float) -> None:
         """Draw what the target looked like at some time (its usual memory's maps of then) in its box as it was at the
         start, turned and grown as it is now."""
         width, height = self.body.size_at_first
-        draw_model(maps, self.body.pose, self.cell_px, 0.0, 0.0, span * width, span * height, drawn)
+        draw_model(maps, np.array(self.body.pose), self.cell_px, 0.0, 0.0, span * width, span * height, drawn)
 
     def usual_maps(self) -> Float32Array:
         """What the target usually looks like now: the memory's maps, which no look renews any more."""
@@ -365,7 +378,7 @@ class Contours:
         self._memories.see(x, y, rate * (1 - self.known))
 
     def _sight(self, points: Float32Array, count: int) -> Sight:
-        return Sight(points, count, self.body.pose, self.body.motion, BIAS_PX * self.direction)
+        return Sight(points, count, np.array(self.body.pose), self.body.motion, BIAS_PX * self.direction)
 
     def _fit_scale_and_angle(self, surface: TimeSurface, sight: Sight, elapsed_s: float) -> None:
         config = self.config
@@ -389,10 +402,13 @@ class Contours:
         if not body.turning.learn(turned, elapsed_s):
             return
         if begins and self._may_stride:
-            self._trial = TurningTrial(self._maps, self._norms, float(body.pose[ANGLE]), self._arm_cells)
-        body.pose[ANGLE] += self.config.angle_gain * turned
-        if self._trial and self._trial.fails(sight, self.cell_px, self.config.ridge_weight, elapsed_s):
-            body.pose[ANGLE] = self._trial.angle_rad
+            self._trial = TurningTrial(self._maps, self._norms, body.pose[ANGLE], self._arm_cells)
+        body.turn_to(body.pose[ANGLE] + self.config.angle_gain * turned)
+        if self._trial is None:
+            return
+        turned_sight = replace(sight, pose=np.array(body.pose))
+        if self._trial.fails(turned_sight, self.cell_px, self.config.ridge_weight, elapsed_s):
+            body.turn_to(self._trial.angle_rad)
             body.turning.stop()
 
     def _take_in_outline(self, surface: TimeSurface) -> None:
@@ -402,11 +418,12 @@ class Contours:
         # What comes after the target was as far behind as that goes in the meantime: short frames have kept it there.
         window = surface.window(box.scaled(MARGIN), KEPT_MARGIN_PX + body.speed_px_s * span_s)
         points, count = surface.points(window, span_s)
-        beyond = beyond_box(points, count, body.pose, body.velocity, box.w, box.h)
+        beyond = beyond_box(points, count, np.array(body.pose), np.array(body.velocity), box.w, box.h)
         growth = beyond.growth(box.w, box.h)
         if growth > 0:
             body.grow(OUTLINE_GAIN * growth)
-            body.pose[:2] += np.multiply(OUTLINE_GAIN, beyond.shift)
+            right, down = beyond.shift
+            body.be_at(body.pose[0] + OUTLINE_GAIN * right, body.pose[1] + OUTLINE_GAIN * down)
             body.growing.doubt_if_below_0()
 
     def _take_growth_of_flow(self, surface: TimeSurface) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
-from etd_ros.tracking.body import Body, Standing
+from etd_ros.tracking.body import Body, Standing, nearer
 from etd_ros.tracking.surface import TimeSurface
 
 SURE_S, SURE_AGE_NS = 0.03, 500_000_000
@@ -40,8 +39,8 @@ class Doubts:
         self.failing_s = 0.0
         self.before = Standing.of(body)
         self.sure: Standing | None = None
-        self._leaving_velocity = body.velocity.copy()
-        self._usual_place = body.pose[:2].copy()
+        self._leaving_velocity = body.velocity
+        self._usual_place = body.pose[:2]
 
     @property
     def is_lost(self) -> bool:
@@ -75,18 +74,18 @@ class Doubts:
 
     def note_velocity(self) -> None:
         """A look has the target's events: it may leave at the velocity so far."""
-        self._leaving_velocity = self._body.velocity.copy()
+        self._leaving_velocity = self._body.velocity
 
     def note_usual(self) -> None:
         """A look sees it as usual, as it stood so far."""
-        self._usual_place = self._body.pose[:2].copy()
+        self._usual_place = self._body.pose[:2]
 
     def note_sure(self, elapsed_s: float) -> None:
         """A look sees it surely, as it stood so far, so long after the last one (s)."""
-        velocity = self._body.velocity.copy()
+        body, velocity = self._body, self._body.velocity
         if self.sure is not None:
-            velocity = self.sure.velocity + (1 - math.exp(-elapsed_s / SURE_S)) * (velocity - self.sure.velocity)
-        self.sure = replace(Standing.of(self._body), velocity=velocity)
+            velocity = nearer(self.sure.velocity, velocity, 1 - math.exp(-elapsed_s / SURE_S))
+        self.sure = Standing(body.stamp_ns, body.pose, velocity)
 
     def doubt(self, elapsed_s: float) -> None:
         """Count a look that failed, for so long (s), and note where the target stood before the first."""
@@ -116,19 +115,19 @@ class Doubts:
         """What slowed down while it was doubted went on at its old speed: it is half way between there and where it was
         before, unless that is so far that something else has drawn its box along."""
         body = self._body
-        middle = (body.pose + self.before.pose) / 2
-        if math.hypot(*(middle - body.pose)[:2].tolist()) <= OVERSHOT_MAX_PX:
-            body.pose[:] = middle
+        x, y, scale, angle = ((now + then) / 2 for now, then in zip(body.pose, self.before.pose, strict=True))
+        if math.dist((x, y), body.pose[:2]) <= OVERSHOT_MAX_PX:
+            body.pose = x, y, scale, angle
             self.failing_s = 0.0
 
     def come_back(self) -> None:
         """The camera has come to a halt, and shook what it sees: nothing has drawn the box along, nor gone far."""
-        self._body.pose[:] = self.before.pose
+        self._body.pose = self.before.pose
         self.failing_s = 0.0
 
     def go_back(self) -> None:
         """Be where the target stood before looks failed, and move as then."""
         body = self._body
         body.stamp_ns = self.before.stamp_ns
-        body.pose[:], body.velocity[:] = self.before.pose, self.before.velocity
+        body.pose, body.velocity = self.before.pose, self.before.velocity
         self._leaving_velocity = self.before.velocity

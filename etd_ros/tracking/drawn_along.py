@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from etd_ros.boxes import Box, shared_areas
-from etd_ros.tracking.body import Standing
+from etd_ros.tracking.body import Standing, nearer
 from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Impression
@@ -96,8 +96,8 @@ class DrawnAlong:
         clear, other_clear = self._clear.get(one.name), self._clear.get(other.name)
         if clear is None or other_clear is None:
             return False
-        passing_px_s = _apart(clear.standing.velocity, other_clear.standing.velocity)
-        now_px_s = _apart(one.standing.velocity, other.standing.velocity)
+        passing_px_s = math.dist(clear.standing.velocity, other_clear.standing.velocity)
+        now_px_s = math.dist(one.standing.velocity, other.standing.velocity)
         return passing_px_s > PASSING_PX_S and now_px_s <= ALIKE_SHARE * passing_px_s
 
     def _doubt(self, stamp_ns: int, pair: tuple[ContourTarget, ContourTarget], elapsed_s: float) -> None:
@@ -114,7 +114,7 @@ class DrawnAlong:
 
     def _changed_px_s(self, target: ContourTarget) -> float:
         """By how much it has changed its motion since it was clear."""
-        return _apart(self._clear[target.name].standing.velocity, target.standing.velocity)
+        return math.dist(self._clear[target.name].standing.velocity, target.standing.velocity)
 
     def _drawn(self, steady: ContourTarget, changed: ContourTarget) -> ContourTarget | None:
         """Of two, the second of which has changed its motion more, the one that is seen less as it looked when it was
@@ -141,16 +141,11 @@ class DrawnAlong:
         if clear is None:
             self._clear[target.name] = _Clear(now, target.impression, stamp_ns, target.followed_since_ns)
             return
-        rate = 1 - math.exp(-elapsed_s / VELOCITY_S)
-        velocity = clear.standing.velocity + rate * (now.velocity - clear.standing.velocity)
+        velocity = nearer(clear.standing.velocity, now.velocity, 1 - math.exp(-elapsed_s / VELOCITY_S))
         clear.standing = Standing(now.stamp_ns, now.pose, velocity)
         clear.met_s, clear.first_ns = 0.0, None
         if (stamp_ns - clear.impressed_ns) * 1e-9 > IMPRESSION_S:
             clear.impression, clear.impressed_ns = target.impression, stamp_ns
-
-
-def _apart(velocity: Float64Array, other: Float64Array) -> float:
-    return math.dist(velocity.tolist(), other.tolist())
 
 
 def _common_shares(boxes: Sequence[Box]) -> Float64Array:

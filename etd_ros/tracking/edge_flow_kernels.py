@@ -11,6 +11,7 @@ from etd_ros.tracking.contour_kernels import Float64Array
 REACH, NEIGHBOURS_MIN = 2, 7
 """A plane is fitted to the event times of a pixel and of those so far to each side of it, if so many have one: a line
 and two pixels more, as one line has no slope across it."""
+NEAR = (2 * REACH + 1) ** 2
 FITS, STRAY_PX = 3, 1.5
 """It is fitted so often; pixels are left out that are off the last one by more than the edge takes for so much way."""
 SPREAD_MIN = 1e-3
@@ -34,32 +35,35 @@ EDGES = 2 * DIRECTIONS
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
-def _plane(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, row: int, column: int, channel: int
-           ) -> tuple[float, float]:  # fmt: skip
+def _plane(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, row: int, column: int, channel: int,
+           near: Float64Array) -> tuple[float, float]:  # fmt: skip
     """By how much later (s) the edge that an event pixel is of comes by a pixel farther to the right and by one farther
-    down; 0, 0 where that is not known."""
+    down; 0, 0 where that is not known. `near` is room for the pixels round it, shape (NEAR, 3)."""
     height, width, _ = times.shape
     first = times[row, column, channel]
+    found = 0
+    for dy in range(max(-REACH, -row), min(REACH, height - 1 - row) + 1):
+        for dx in range(max(-REACH, -column), min(REACH, width - 1 - column) + 1):
+            time = times[row + dy, column + dx, channel]
+            if oldest_ns < time <= now_ns:
+                near[found, 0], near[found, 1], near[found, 2] = dx, dy, (time - first) * 1e-9
+                found += 1
     right = below = middle = stray_s = 0.0
     for fit in range(FITS):
         n = sum_x = sum_y = sum_t = xx = xy = yy = xt = yt = 0.0
-        for dy in range(max(-REACH, -row), min(REACH, height - 1 - row) + 1):
-            for dx in range(max(-REACH, -column), min(REACH, width - 1 - column) + 1):
-                time = times[row + dy, column + dx, channel]
-                if time <= oldest_ns or time > now_ns:
-                    continue
-                late_s = (time - first) * 1e-9
-                if fit > 0 and abs(right * dx + below * dy + middle - late_s) > stray_s:
-                    continue
-                n += 1
-                sum_x += dx
-                sum_y += dy
-                sum_t += late_s
-                xx += dx * dx
-                xy += dx * dy
-                yy += dy * dy
-                xt += dx * late_s
-                yt += dy * late_s
+        for index in range(found):
+            dx, dy, late_s = near[index]
+            if fit > 0 and abs(right * dx + below * dy + middle - late_s) > stray_s:
+                continue
+            n += 1
+            sum_x += dx
+            sum_y += dy
+            sum_t += late_s
+            xx += dx * dx
+            xy += dx * dy
+            yy += dy * dy
+            xt += dx * late_s
+            yt += dy * late_s
         if n < NEIGHBOURS_MIN:
             return 0.0, 0.0
         xx -= sum_x * sum_x / n
@@ -87,6 +91,7 @@ def flows_of(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int
             for channel in range(2):
                 events += oldest_ns < times[row, column, channel] <= now_ns
     stride = 1 + events // len(flows)
+    near = np.empty((NEAR, 3))
     number = events = 0
     for row in range(top, bottom):
         for column in range(left, right):
@@ -96,7 +101,7 @@ def flows_of(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int
                 events += 1
                 if events % stride or number == len(flows):
                     continue
-                later_right, later_below = _plane(times, now_ns, oldest_ns, row, column, channel)
+                later_right, later_below = _plane(times, now_ns, oldest_ns, row, column, channel, near)
                 slowness = np.sqrt(later_right * later_right + later_below * later_below)
                 if slowness > SLOWNESS_MIN:
                     flow = flows[number]
@@ -117,9 +122,10 @@ def motion_of(flows: Float64Array, motion: Float64Array, error: Float64Array) ->
     count, parts = len(flows), len(motion)
     weights, strays = np.ones(count), np.empty(count)
     rows = _rows(flows, parts)
+    squares, sums = np.empty((parts, parts)), np.empty(parts)
     deviation = 0.0
     for _ in range(ROUNDS):
-        squares, sums = RIDGE * np.eye(parts), np.zeros(parts)
+        squares[:], sums[:] = RIDGE * np.eye(parts), 0.0
         for i in range(count):
             _add(rows[i], weights[i], flows[i, SPEED], squares, sums)
         inverse = np.linalg.inv(squares)

@@ -47,14 +47,18 @@ class ExpectedPlace:
         """Frames were missing: what has come since is too little for a look."""
         self._looked_ns = self._surface.stamp_ns
 
+    def next_ns(self, patience: float) -> int:
+        """When it is looked for next (ns); `patience` as for `found`."""
+        return self._looked_ns + round(CONFIRM_NS if self._offsets else patience * SEARCH_NS)
+
     def found(self, patience: float) -> Look | None:
         """The last of so many looks that agree, if there are; the body's pose and velocity are the expected ones.
         `patience` as for `ContourSearch.found`."""
         stamp_ns = self._surface.stamp_ns
-        if stamp_ns - self._looked_ns < (CONFIRM_NS if self._offsets else patience * SEARCH_NS):
+        if stamp_ns < self.next_ns(patience):
             return None
         self._looked_ns = stamp_ns
-        x, y = self._contours.body.pose[:2].tolist()
+        x, y = self._contours.body.pose[:2]
         off_x, off_y = self._offsets[-1] if self._offsets else (0.0, 0.0)
         radius_px = NEXT_RADIUS_PX if self._offsets else RADIUS_PX
         look = self._contours.look_at(self._surface, x + off_x, y + off_y, radius_px)

@@ -7,6 +7,7 @@ import copy
 import math
 from enum import Enum, auto
 
+from etd_ros.tracking.body import nearer
 from etd_ros.tracking.contours import Contours, Impression
 from etd_ros.tracking.doubts import Doubts
 from etd_ros.tracking.look import Look
@@ -163,7 +164,7 @@ class Following:
             return Outcome.VANISHED
         if doubts.failing_s > 0:
             doubts.come_less_far()
-        body.velocity *= math.exp(-elapsed_s / STILL_S)
+        body.velocity = nearer((0.0, 0.0), body.velocity, math.exp(-elapsed_s / STILL_S))
         body.stamp_ns = stamp_ns
         return Outcome.LOST if doubts.is_lost else Outcome.STILL
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.edge_flow import EdgeFlow
 from etd_ros.tracking.known_growth import KnownGrowth, error_by_all
 from etd_ros.tracking.measured_rate import MeasuredRate
@@ -94,7 +93,7 @@ class GrowthByFlow:
         self,
         surface: TimeSurface,
         box: Box,
-        place: Float64Array,
+        place: tuple[float, float],
         speed_px_s: float,
         growing_per_s: float,
         covered: float,
@@ -115,7 +114,7 @@ class GrowthByFlow:
         arm = arm_px(box.w, box.h)
         fastest_px_s = max(speed_px_s, abs(growing_per_s) * arm, 1e-3)
         span_s = min(max(SPAN_PX / fastest_px_s, SPAN_MIN_S), SPAN_MAX_S)
-        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, *place.tolist(), by_edge=True)
+        flow = surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, *place, by_edge=True)
         self._known.learn(flow)
         is_sure = flow is not None and error_by_all(flow) <= SURE_PER_S
         if flow is not None and not (self._known.is_known and (is_sure or _may_be_own(flow, surface, box, span_s))):

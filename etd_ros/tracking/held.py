@@ -47,5 +47,5 @@ def moving_on(body: Body, stamp_ns: int) -> tuple[Box, float, float] | None:
     """`Held.moving` of a target that has no events from now on, by the motion that its last looks saw, sure or not."""
     if not body.is_fast:
         return None
-    right_px_s, down_px_s = body.velocity.tolist()
+    right_px_s, down_px_s = body.velocity
     return body.box_at(*body.predicted(stamp_ns)), right_px_s, down_px_s

@@ -94,7 +94,7 @@ class LastClear:
         """Whether what moves where it stood began to there: what passes before it comes from beside it."""
         if not self._is_near(stood):
             return False
-        box = self._contours.body.box_at(*stood.pose[:2].tolist())
+        box = self._contours.body.box_at(*stood.pose[:2])
         return stands_alone(self._surface, box, AROUND_S, CROWDED, self._contours.own.others)
 
     def take(self, stamp_ns: int, *, is_sure: bool) -> None:
@@ -125,7 +125,7 @@ class LastClear:
         sure_ns = stamp_ns - self._doubted_ns
         if self.sighting is None:
             return sure_ns > CLEAR_NS
-        x, y, *_ = self._contours.body.pose.tolist()
+        x, y, *_ = self._contours.body.pose
         seen = self._seen_as(self.sighting.impression, x, y)
         self._strayed_times = self._strayed_times + 1 if seen < STRAYED_MAX else 0
         return sure_ns > SETTLED_NS or (sure_ns > CLEAR_NS and seen > SEEN_MIN)
@@ -144,7 +144,7 @@ class LastClear:
         look as it did when it was clear, unless it did not stand, but moved on unseen."""
         if self.stood is None or self.sighting is None:
             return True
-        if is_expected and math.hypot(*self.stood.velocity.tolist()) > SPEED_MIN_PX_S:
+        if is_expected and math.hypot(*self.stood.velocity) > SPEED_MIN_PX_S:
             self.stood = None
             return True
         return self._seen_as(self.sighting.impression, x, y) > SEEN_MIN
@@ -173,7 +173,7 @@ class LastClear:
         standing = sighting.standing
         as_it_was = self._contours.anew(Box(0.0, 0.0, width, height), standing.stamp_ns)
         as_it_was.appear(sighting.impression, sighting.box, standing.stamp_ns)
-        as_it_was.body.velocity[:] = standing.velocity
+        as_it_was.body.velocity = standing.velocity
         before, usual_px_s = Standing.of(as_it_was.body), self._following.motion.speed_px_s
         search = ContourSearch(
             as_it_was, self._surface, sighting.usual, before, usual_px_s, since_ns, left_over=None, has_gap=False

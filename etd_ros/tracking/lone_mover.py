@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.body import Standing, sizes_per_s
-from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
+from etd_ros.tracking.body import Standing, Velocity, pair, sizes_per_s
+from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.doubts import Doubts
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S
@@ -40,10 +40,10 @@ TURNED_COS = 0.3
 
 
 class TurnedOff(NamedTuple):
-    """A fast target where it moves alone, and another way than before: its box (pixels) and velocity (pixels/s)."""
+    """A fast target where it moves alone, and another way than before: its box (pixels) and velocity."""
 
     box: Box
-    velocity: Float64Array
+    velocity: Velocity
 
 
 class LoneMover:
@@ -63,6 +63,11 @@ class LoneMover:
         self._speed_px_s, self._until_ns = 0.0, 0
         self._way: list[tuple[float, float, float]] = []
 
+    @property
+    def is_looking(self) -> bool:
+        """Whether it is looked for now."""
+        return self._before is not None and self._surface.stamp_ns < self._until_ns
+
     def stop(self) -> None:
         """Look for it no longer."""
         self._before = None
@@ -80,7 +85,7 @@ class LoneMover:
             if not is_doubted:
                 return None
             self._begin(self._doubts.before)
-        if self._before is None or stamp_ns >= self._until_ns:
+        if self._before is None or not self.is_looking:
             return None
         since_s = (stamp_ns - self._before.stamp_ns) * 1e-9
         place = self._place(since_s)
@@ -99,8 +104,8 @@ class LoneMover:
     def _begin(self, before: Standing) -> None:
         """Look for the target from where it stood before."""
         self._before = before
-        self._box = self._body.box_at(*before.pose[:2].tolist())
-        self._speed_px_s = math.hypot(*before.velocity.tolist())
+        self._box = self._body.box_at(*before.pose[:2])
+        self._speed_px_s = math.hypot(*before.velocity)
         self._way = []
         is_recent = self._surface.stamp_ns - before.stamp_ns < RECENT_S * 1e9
         is_fast = sizes_per_s(before.velocity, self._box.w, self._box.h) > FAST_SIZES_PER_S
@@ -142,18 +147,18 @@ class LoneMover:
                 count = self._others.leave_out(points, count, self._surface.stamp_ns)
         return points[:count]
 
-    def _velocity(self) -> Float64Array | None:
-        """The velocity (pixels/s) of the last finds, if they are on one way."""
+    def _velocity(self) -> Velocity | None:
+        """The velocity of the last finds, if they are on one way."""
         way = np.array([seen for seen in self._way if seen[0] >= self._way[-1][0] - 2 * FINDS_S])
         times_s = way[:, 0] - way[-1, 0]
         velocity, last = np.linalg.lstsq(np.stack([times_s, np.ones(len(way))], 1), way[:, 1:], rcond=None)[0]
         strays_px = float(np.abs(way[:, 1:] - (times_s[:, None] * velocity + last)).max())
         slowest, fastest = SPEED_SHARES
         share = math.hypot(*velocity.tolist()) / self._speed_px_s
-        return np.asarray(velocity) if strays_px <= STRAYS_PX and slowest <= share <= fastest else None
+        return pair(velocity) if strays_px <= STRAYS_PX and slowest <= share <= fastest else None
 
 
-def _has_turned(velocity: Float64Array, before: Float64Array) -> bool:
+def _has_turned(velocity: Velocity, before: Velocity) -> bool:
     """Whether a velocity has another direction than it had."""
-    lengths = math.hypot(*velocity.tolist()) * math.hypot(*before.tolist())
-    return float(velocity @ before) < TURNED_COS * lengths
+    lengths = math.hypot(*velocity) * math.hypot(*before)
+    return velocity[0] * before[0] + velocity[1] * before[1] < TURNED_COS * lengths

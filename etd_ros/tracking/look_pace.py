@@ -68,6 +68,11 @@ class LookPace:
         self._events_waiting = 0
         return True
 
+    def earliest_s(self, speed_px_s: float, sizes_per_s: float, patience: float) -> float:
+        """How long after the last look (s), which was sure, none is due yet, however many events come."""
+        times = patience if sizes_per_s < FAST_SIZES_PER_S else 1.0
+        return times * min(WAIT_MIN_S, WAIT_MIN_PX / max(speed_px_s, 1e-9))
+
     def motion_s(self, speed_px_s: float, sizes_per_s: float) -> float:
         """The time of a window's motion (s), at most `window_max_s`."""
         window_px = self._window_px

@@ -7,8 +7,11 @@ import math
 import numpy as np
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.contour_kernels import SCALE, Float64Array
+from etd_ros.tracking.contour_kernels import Float64Array
 from etd_ros.tracking.shape import turned_reaches
+
+Pose = tuple[float, float, float, float]
+"""Of a model: x, y of its middle (pixels), scale, angle (rad)."""
 
 ROUNDNESS = 1.7
 """p of the turned box: w^p = (a cos)^p + (b sin)^p is that of an ellipse with 2, of a rectangle with 1; things are
@@ -32,7 +35,7 @@ class ModelBox:
         self._growth = np.zeros(2)
         self._placed_for: tuple[float, float] | None = None
         self._box: Box | None = None
-        self._box_for = 0.0, 0.0, 0.0, 0.0
+        self._box_for: Pose = 0.0, 0.0, 0.0, 0.0
         self._reach: Float64Array | None = None
 
     def take_shape(self, reach: Float64Array | None) -> None:
@@ -40,29 +43,30 @@ class ModelBox:
         self._reach = reach
         self._placed_for = self._box = None
 
-    def of(self, pose: Float64Array) -> Box:
+    def of(self, pose: Pose) -> Box:
         """The box, if the model's middle, scale and angle are those of a pose."""
-        x, y, scale, angle = pose.tolist()
-        if self._box is None or self._box_for != (x, y, scale, angle):
-            self._box, self._box_for = self.at(x, y, pose), (x, y, scale, angle)
+        if self._box is None or self._box_for != pose:
+            self._box, self._box_for = self.at(pose[0], pose[1], pose), pose
         return self._box
 
-    def at(self, x: float, y: float, pose: Float64Array, times: float = 1.0) -> Box:
+    def at(self, x: float, y: float, pose: Pose, times: float = 1.0) -> Box:
         """The box, or `times` as wide and high a one round its middle, if the model's middle is there (pixels) and its
         scale and angle are those of a pose."""
         (right_x, below_x), (right_y, below_y), (width, height) = self._placed_at(pose)
         x, y = x + right_x - below_x - width / 2, y + right_y + below_y - height / 2
+        if times == 1:
+            return Box(x, y, width, height)
         more = times - 1
         return Box(x - more * width / 2, y - more * height / 2, width * times, height * times)
 
-    def size(self, pose: Float64Array) -> tuple[float, float]:
+    def size(self, pose: Pose) -> tuple[float, float]:
         """Its width and height (pixels) with the scale and angle of a pose."""
         return self._placed_at(pose)[2]
 
-    def _placed_at(self, pose: Float64Array) -> tuple[tuple[float, float], ...]:
+    def _placed_at(self, pose: Pose) -> tuple[tuple[float, float], ...]:
         """What `_place` says of a pose: asked for many times between two looks, which alone change it."""
-        _, _, scale, angle = pose.tolist()
-        if self._placed_for != (scale, angle):
+        if self._placed_for != pose[2:]:
+            _, _, scale, angle = pose
             self._placed_for = scale, angle
             self._placed = self._place(scale, angle)
         return self._placed
@@ -77,15 +81,15 @@ class ModelBox:
         (width, height), (beside_x, beside_y) = self._outline(across * wider, down * higher, angle_rad)
         return (cos * right + beside_x, sin * below), (sin * right + beside_y, cos * below), (width, height)
 
-    def size_at_first(self, pose: Float64Array) -> tuple[float, float]:
+    def size_at_first(self, pose: Pose) -> tuple[float, float]:
         """Width and height (pixels) without what was put right."""
-        scale, angle = pose[SCALE:].tolist()
+        _, _, scale, angle = pose
         return self._outline(self.size_px[0] * scale, self.size_px[1] * scale, angle)[0]
 
-    def correct(self, right: float, below: float, wider: float, higher: float, pose: Float64Array) -> None:
+    def correct(self, right: float, below: float, wider: float, higher: float, pose: Pose) -> None:
         """Move the box on the model by so many pixels of the sensor, and make it so much wider and higher there
         (logarithms)."""
-        scale, angle = pose[SCALE:].tolist()
+        _, _, scale, angle = pose
         cos, sin = math.cos(angle), math.sin(angle)
         across, down = (cos * right + sin * below) / scale, (cos * below - sin * right) / scale
         self._offset += np.divide((across, down), self.size_px)

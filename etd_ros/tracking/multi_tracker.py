@@ -240,6 +240,7 @@ class MultiTracker:
             self._go_back(stamp_ns)
         self._last_stamp_ns = stamp_ns
         if self._contours is not None:
+            self._surface.keeps_all = self._turns.are_many
             self._surface.take(stamp_ns, frame, start_ns)
         contours = [target for target in self._targets.values() if isinstance(target, ContourTarget)]
         if contours:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from numba import njit
 
 from etd_ros.boxes import Box, iou, shared_sides
+from etd_ros.tracking.body import Velocity
 from etd_ros.tracking.contour_kernels import AGE, Float32Array, Float64Array, X, Y
 
 CHECK_S = 0.01
@@ -26,11 +27,11 @@ SAME_IOU = 0.5
 
 
 class Place(NamedTuple):
-    """Where a target is: its box (pixels) and velocity (pixels/s), and whether it has events. What stands has none:
+    """Where a target is: its box (pixels) and velocity, and whether it has events. What stands has none:
     those in its box are of what passes, unless that stood as well."""
 
     box: Box
-    velocity: Float64Array
+    velocity: Velocity
     has_events: bool
 
 
@@ -120,7 +121,7 @@ class OtherTargets:
                 places.append(place)
         if not known:
             return
-        moving = np.array([(*place.box, *place.velocity.tolist()) for place in places])
+        moving = np.array([(*place.box, *place.velocity) for place in places])
         has_events = np.array([place.has_events for place in places])
         _tell(known, moving, has_events, stamp_ns)
         followed = moving[has_events]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from etd_ros.tracking.backdrop import Backdrop
-from etd_ros.tracking.body import Body
+from etd_ros.tracking.body import Body, Velocity
 from etd_ros.tracking.contour_kernels import SCALE, Float32Array, Float64Array
 from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import NEVER_NS, TimeSurface
@@ -47,7 +47,7 @@ class OwnEvents:
         self.backdrop.look(surface, window, np.array([x, y, body.pose[SCALE], 0.0]))
 
     def keep(
-        self, points: Float32Array, count: int, pose: Float64Array, velocity: Float64Array, span_s: float, stamp_ns: int
+        self, points: Float32Array, count: int, pose: Float64Array, velocity: Velocity, span_s: float, stamp_ns: int
     ) -> int:
         """Keep the points of a time (s) that ends at another (ns), in place, that are of a target with this pose and
         velocity (pixels/s); how many they are."""

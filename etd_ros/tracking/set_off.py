@@ -64,7 +64,7 @@ class SetOff:
         """Whether what has moved away from there is the target: all of it began in its box, another way than it is
         known to look."""
         body = self.contours.body
-        right, down = body.velocity.tolist()
+        right, down = body.velocity
         if math.hypot(right, down) == 0 or self._known.known_along((right, down)) > KNOWN_MAX:
             return False
         return self._is_alone(surface, RING_MAX)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from etd_ros.tracking.body import pair
 from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions
 from etd_ros.tracking.contour_drawing import splat
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
@@ -71,7 +72,9 @@ class StartUp:
     def __init__(self, contours: Contours) -> None:
         self._contours = contours
         self._body = contours.body
-        self._pose = self._body.pose.copy()
+        self._pose_at_first = self._body.pose
+        self._pose = np.array(self._pose_at_first)
+        self._velocity: Float64Array
         self._arm_px = arm_px(*self._body.size_px)
         self._motions = CoherentMotions(self._pose, self._body.size_px, contours.cell_px)
         self._looked_at_ns: int | None = None
@@ -83,7 +86,7 @@ class StartUp:
     def _begin(self, stamp_ns: int) -> None:
         """The target is in its start box at this time (ns)."""
         self._contours.stop()
-        self._body.pose[:] = self._pose
+        self._body.pose, self._velocity = self._pose_at_first, np.zeros(2)
         self._growing_per_s = self._turning_rad_s = 0.0
         self._start_ns = self._body.stamp_ns = stamp_ns
         self._collected = StartEvents()
@@ -156,30 +159,31 @@ class StartUp:
         if has_left:
             events = self._collected.events
         self._growing_per_s = self._turning_rad_s = 0.0
-        along = body.velocity
+        along = self._velocity
         if not has_left:
             self._take_flow(surface, events, time_s)
-        moved = math.hypot(body.speed_px_s, *self._outline_px_s()) * time_s
+        moved = math.hypot(*self._velocity.tolist(), *self._outline_px_s()) * time_s
         is_over = (
             (self._collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
             or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px))
             or time_s >= TIME_MAX_S
         )
         if is_over and self._turning_rad_s != 0 and self._is_before_what_moves_otherwise(events, along, time_s):
-            body.velocity = along
+            self._velocity = along
             self._growing_per_s = self._turning_rad_s = 0.0
         if is_over and not any(self._outline_px_s()):
             apart = self._apart(events, time_s)
             if apart is not None:
-                body.velocity, events = apart
-                moved = body.speed_px_s * time_s
+                self._velocity, events = apart
+                moved = math.hypot(*self._velocity.tolist()) * time_s
             elif moved > APART_PX:
                 # The velocity has been believed for APART_PX.
-                told = self._motions.told_apart(events, time_s, body.velocity)
-                if math.dist(told, body.velocity) * time_s >= DRAWN_MIN_PX:
-                    body.velocity = told
-        body.pose[:2] = self._pose[:2] + body.velocity * time_s
-        contours.change_since(self._pose, self._growing_per_s, self._turning_rad_s, time_s)
+                told = self._motions.told_apart(events, time_s, self._velocity)
+                if math.dist(told.tolist(), self._velocity.tolist()) * time_s >= DRAWN_MIN_PX:
+                    self._velocity = told
+        body.velocity = pair(self._velocity)
+        body.be_at(*pair(self._pose[:2] + self._velocity * time_s))
+        contours.change_since(self._pose_at_first, self._growing_per_s, self._turning_rad_s, time_s)
         body.stamp_ns = surface.stamp_ns
         if has_left:
             # So far the surface was kept up to date where it was believed.
@@ -193,7 +197,7 @@ class StartUp:
         (pixels/s): seen beside it, on one side more than on the other, that makes its edges seem to turn."""
         backdrop = self._contours.own.backdrop
         backdrop.see_start(events, self._pose, time_s)
-        return backdrop.is_settled and not backdrop.is_with(velocity, time_s)
+        return backdrop.is_settled and not backdrop.is_with(pair(velocity), time_s)
 
     def _apart(self, events: Float32Array, time_s: float) -> Apart | None:
         """The target told from what moves as one round it, if that moves otherwise."""
@@ -201,7 +205,7 @@ class StartUp:
         backdrop.see_start(events, self._pose, time_s)
         if not backdrop.is_settled or len(events) < EVENTS_MIN:
             return None
-        return self._motions.apart_from(backdrop.velocity, events, time_s, self._body.velocity)
+        return self._motions.apart_from(np.array(backdrop.velocity), events, time_s, self._velocity)
 
     def _outline_px_s(self) -> tuple[float, float]:
         """How fast its outline moves by turning and by growing (pixels/s)."""
@@ -213,7 +217,7 @@ class StartUp:
         config, body = self._contours.config, self._body
         if time_s <= 0 or self._late_s > LATE_S or self._contours.own.others.free < 1:
             return
-        place = self._pose[:2] + body.velocity * time_s
+        place = self._pose[:2] + self._velocity * time_s
         x, y = place.tolist()
         window, span_s = surface.window(body.box_at(x, y), FLOW_MARGIN_PX), min(time_s, START_SPAN_S)
         flows = surface.flows(window, span_s, x, y)
@@ -221,14 +225,14 @@ class StartUp:
             return
         turned = self._turned(flows, place, events, time_s, span_s) if config.angle_gain > 0 else None
         if turned is not None:
-            body.velocity, self._turning_rad_s, self._growing_per_s = turned
+            self._velocity, self._turning_rad_s, self._growing_per_s = turned
         elif config.scale_gain > 0:
-            body.velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
+            self._velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
 
     def _grown(self, flow: EdgeFlow, place: Float64Array, events: Float32Array, time_s: float, span_s: float) -> Turned:
         """How the target has grown for this time (s) by the flow of its edges round a place (pixels) in the last
         `span_s`: as far as the flow is believed, and as far as its events agree the better."""
-        velocity = self._body.velocity
+        velocity = self._velocity
         best, agreement = Turned(velocity, 0.0, 0.0), self._agreement
         believed = growth_trust(flow, self._arm_px, time_s)
         if believed == 0 or len(events) < EVENTS_MIN:
@@ -263,20 +267,20 @@ class StartUp:
     def _fit(self, events: Float32Array, time_s: float) -> None:
         """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
         off where that is clearly better; by how far it can be believed."""
-        so_far = self._body.velocity
+        so_far = self._velocity
         best = self._motions.near(events, time_s, so_far)
         if self._fast_looks < FAST_LOOKS:
             self._fast_looks += 1
             far = self._motions.farther_off(events, time_s, so_far, best)
             best = far if far.is_clearly_better(best, FAST_TRUST) else best
-        self._body.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
+        self._velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
         self._agreement = best.agreement
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
-        believed = self._body.velocity
+        believed = self._velocity
         candidates = self._surroundings.velocities(believed, time_s)
-        if not candidates:
+        if len(candidates) == 0:
             return False
         events = self._surroundings.events
         some = some_of(events)
@@ -289,28 +293,28 @@ class StartUp:
             step_px /= 2
         left = self._motions.near(some, time_s, velocity)
         # What flickers beside the box agrees best at rest.
-        here = self._motions.best_of(some, time_s, (believed, np.zeros(2)))
+        here = self._motions.best_of(some, time_s, np.stack([believed, np.zeros(2)]))
         if not left.is_clearly_better(here, LEFT_TRUST):
             return False
-        self._body.velocity = left.velocity
+        self._velocity = left.velocity
         # What was collected where it was believed is not of it.
         self._collected.replace(events)
         return True
 
     def _finish(self, events: Float32Array, moved_px: float, surface: TimeSurface) -> None:
         contours, body = self._contours, self._body
-        right, down = body.velocity.tolist()
+        right, down = body.velocity
         around_px_s, outward_px_s = self._outline_px_s()
         speed_px_s = math.hypot(right, down, around_px_s, outward_px_s)
         window_s = contours.config.window_px / max(speed_px_s, 1e-3)
         seen = as_looks_see(events, window_s)
         motion = body.motion
         if around_px_s != 0:
-            turned = Turned(body.velocity, self._turning_rad_s, self._growing_per_s)
+            turned = Turned(self._velocity, self._turning_rad_s, self._growing_per_s)
             seen, motion = turned.undone(seen, self._pose[:2]), np.zeros(4)
             body.take_shape(seen[:, :2] - self._pose[:2])
         elif not body.is_fast and stands_alone(surface, body.box, window_s, SHAPE_AROUND_MAX):
-            body.take_shape(Turned(body.velocity, 0.0, 0.0).from_middle(seen, self._pose[:2]))
+            body.take_shape(Turned(self._velocity, 0.0, 0.0).from_middle(seen, self._pose[:2]))
         splat(seen, len(seen), self._pose, contours.cell_px, motion, contours.drawn)
         outline = np.array([right, down, around_px_s, outward_px_s])
         direction = outline / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from etd_ros.tracking.contour_kernels import Float64Array
+from etd_ros.tracking.body import Velocity, nearer
 
 STEADY_S = 1.0
 """What has been seen surely for so long, in all since it was found, is known to go on: most things change sooner."""
@@ -22,7 +20,7 @@ class SteadyMotion:
     """Mean and spread of a target's velocity.
 
     Attributes:
-        velocity: the mean, float64, x and y (pixels/s).
+        velocity: the mean.
         seen_s: for how long it has been seen surely since that was forgotten (s).
     """
 
@@ -31,32 +29,31 @@ class SteadyMotion:
 
     def forget(self) -> None:
         """What was seen last says nothing of how the target moves now."""
-        self.velocity: Float64Array = np.zeros(2)
+        self.velocity: Velocity = (0.0, 0.0)
         self._variance = 0.0
         self.seen_s = 0.0
 
-    def plausible(self, velocity: Float64Array) -> float:
-        """How far from its mean the target's velocity could be, in parts of how far this one (pixels/s) is; at most
-        1."""
+    def plausible(self, velocity: Velocity) -> float:
+        """How far from its mean the target's velocity could be, in parts of how far this one is; at most 1."""
         if self.seen_s < STEADY_S:
             return 1.0
         could_px_s = self._could_px_s()
-        return could_px_s / max(could_px_s, math.hypot(*(velocity - self.velocity).tolist()))
+        return could_px_s / max(could_px_s, math.dist(velocity, self.velocity))
 
-    def learn(self, velocity: Float64Array, elapsed_s: float) -> None:
-        """The target was seen to move at a velocity (pixels/s) for a time; none has passed where time went back."""
+    def learn(self, velocity: Velocity, elapsed_s: float) -> None:
+        """The target was seen to move at a velocity for a time; none has passed where time went back."""
         if elapsed_s <= 0:
             return
         if self.seen_s == 0:
-            self.velocity = velocity.copy()
+            self.velocity = velocity
         self.seen_s += elapsed_s
         rate = min(1.0, elapsed_s / min(self.seen_s, SPAN_S))
-        off = velocity - self.velocity
-        length, most = math.hypot(*off.tolist()), STRAY_SHARE * self._could_px_s()
-        if self.seen_s >= STEADY_S and length > most:
-            off *= most / length
-        self.velocity = self.velocity + rate * off
-        self._variance += rate * (float(off @ off) - self._variance)
+        off_px_s, most_px_s = math.dist(velocity, self.velocity), STRAY_SHARE * self._could_px_s()
+        if self.seen_s >= STEADY_S and off_px_s > most_px_s:
+            velocity = nearer(self.velocity, velocity, most_px_s / off_px_s)
+            off_px_s = most_px_s
+        self.velocity = nearer(self.velocity, velocity, rate)
+        self._variance += rate * (off_px_s**2 - self._variance)
 
     def _could_px_s(self) -> float:
-        return max(SPREADS * math.sqrt(self._variance), SLACK_PX_S, SLACK_SHARE * math.hypot(*self.velocity.tolist()))
+        return max(SPREADS * math.sqrt(self._variance), SLACK_PX_S, SLACK_SHARE * math.hypot(*self.velocity))

@@ -28,9 +28,10 @@ class TimeSurface:
     """The last event time of each pixel and polarity, from the grey levels of ATSLTD frames (their linear decay is what
     tells the time) and the frames' stamps. A frame starts where it says, or else where the one before it ended.
 
-    Only windows that somebody asks for are kept up to date.
+    Only windows that somebody asks for are kept up to date, unless all is: for many targets, which need not ask then.
 
     Attributes:
+        keeps_all: whether all is kept up to date, from the next frame on.
         start_ns, stamp_ns: start and end of the newest frame (ns).
         before_ns: end of the one before it (ns).
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
@@ -44,7 +45,7 @@ class TimeSurface:
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
         self.before_ns = NEVER_NS
-        self.is_flash = self.has_just_halted = False
+        self.keeps_all = self.is_flash = self.has_just_halted = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._times_of_rows = self._times.reshape(height, 2 * width)
@@ -69,6 +70,8 @@ class TimeSurface:
         self._data = data
         self._levels_of_rows = np.ascontiguousarray(data).reshape(self.height, 2 * self.width)
         self._kept.fill(0)
+        if self.keeps_all:
+            self.keep((0, self.height, 0, self.width))
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a place (pixels) lies on the sensor."""
@@ -95,6 +98,8 @@ class TimeSurface:
 
     def keep_too(self, window: Window) -> None:
         """The same of a window that overlaps with others that are kept so, as those of where a lost target may be."""
+        if self.keeps_all:
+            return
         duration_ns = self.stamp_ns - self.start_ns
         keep_more_times(self._times_of_rows, self._levels_of_rows, self.start_ns, duration_ns, *window, self._kept)
 

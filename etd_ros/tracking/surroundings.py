@@ -36,6 +36,7 @@ BEST_SHARE = 0.9
 """All velocities at which it holds this part of what it holds at the best one are possible."""
 
 FloatT = TypeVar("FloatT", float, Float64Array)
+_NONE = np.empty((0, 2))
 
 
 class Surroundings:
@@ -82,30 +83,30 @@ class Surroundings:
         if self._count > EVENTS_MAX:
             self._frames.clear()
 
-    def velocities(self, believed: Float64Array, time_s: float) -> list[Float64Array]:
+    def velocities(self, believed: Float64Array, time_s: float) -> Float64Array:
         """Velocities (pixels/s) at which the box would hold nearly all events round it, if it does not at the one
-        believed so far; none where it does, or where no velocity does.
+        believed so far, shape (velocities, 2); none where it does, or where no velocity does.
 
         Args:
             believed: so far (pixels/s).
             time_s: since the start, or a little more (s).
         """
         if not EVENTS_MIN <= self._count <= EVENTS_MAX or self._by_chance > BY_CHANCE_MAX:
-            return []
+            return _NONE
         events = np.ascontiguousarray(self.events[:: 1 + self._count // COUNTED_MAX])
         box = np.array([*self._box.center, self._box.w, self._box.h])
         by_chance = self._by_chance
         now = _beyond_chance(_held(events, box, *believed.tolist()) / len(events), by_chance)
         share_max, more_min = (LATE_SHARE_MAX, LATE_MORE_MIN) if self._is_late else (SHARE_MAX, MORE_MIN)
         if now > share_max:
-            return []
+            return _NONE
         reach_px_s = (self._span - 1) / 2 * box[2:] / time_s
         shares = _beyond_chance(_held_at_steps(events, box, reach_px_s / STEPS) / len(events), by_chance)
         best = float(shares.max())
         if best < max(SHARE_MIN, now + more_min):
-            return []
+            return _NONE
         down, right = np.nonzero(shares >= BEST_SHARE * best)
-        return list((np.stack([right, down], 1) / STEPS - 1) * reach_px_s)
+        return np.asarray((np.stack([right, down], 1) / STEPS - 1) * reach_px_s)
 
 
 def _pixels(window: Window) -> int:

@@ -98,7 +98,7 @@ class TurningByFlow:
         self._rate = MeasuredRate(MEASURE_S, UNKNOWN_RAD_S, CHANGES_RAD_S)
 
     def correction(
-        self, surface: TimeSurface, box: Box, place: Float64Array, speed_px_s: float, turning_rad_s: float
+        self, surface: TimeSurface, box: Box, place: tuple[float, float], speed_px_s: float, turning_rad_s: float
     ) -> float:
         """What to add to the rate of turning (rad/s).
 
@@ -163,7 +163,6 @@ def _span_s(speed_px_s: float) -> float:
     return min(max(SPAN_PX / max(speed_px_s, 1e-3), SPAN_MIN_S), SPAN_MAX_S)
 
 
-def _turning_flow(surface: TimeSurface, box: Box, place: Float64Array, span_s: float) -> EdgeFlow | None:
+def _turning_flow(surface: TimeSurface, box: Box, place: tuple[float, float], span_s: float) -> EdgeFlow | None:
     """How the edges in a box have turned round a place (pixels) in the last `span_s`."""
-    x, y = place.tolist()
-    return surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, x, y, may_turn=True)
+    return surface.flow(surface.window(box, FLOW_MARGIN_PX), span_s, *place, may_turn=True)

@@ -37,6 +37,11 @@ class Turns:
         """There are so many targets now."""
         self.patience = min(1.0 + max(targets - FEW, 0) / MORE, PATIENCE_MAX)
 
+    @property
+    def are_many(self) -> bool:
+        """Whether there are more targets than can be looked at as often as one alone."""
+        return self.patience > 1
+
     def take(self, stamp_ns: int, last: int | None) -> int | None:
         """The number of the turn if the image at `stamp_ns` (ns) is for the followed target that asks, else None.
 

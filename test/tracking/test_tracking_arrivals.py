@@ -64,7 +64,7 @@ def test_new_events_along_the_border_are_an_arrival_that_moves_inwards(side, lef
     assert watched.see(frames=20) is None
     found = watched.see(comes_at)
     assert (found.x, found.y) == pytest.approx(place, abs=12)
-    assert tuple(found.velocity) == inwards
+    assert found.velocity == inwards
 
 
 def test_events_away_from_the_border_are_none():

@@ -63,7 +63,7 @@ def asked(scene, frames, **settings):
 
     def corrector(view):
         # The next look takes the place of these.
-        views.append(dataclasses.replace(view, points=view.points.copy(), velocity=view.velocity.copy()))
+        views.append(dataclasses.replace(view, points=view.points.copy()))
         return RIGHT
 
     followed(scene, frames, corrector, **settings)
@@ -212,10 +212,10 @@ def test_nobody_is_asked_about_what_hardly_moves(speed_px_s, is_asked, slow, slo
 
 def at_speed(speed_px_s, take):
     def taken(refinement, contours, surface, patience):
-        velocity = contours.body.velocity.copy()
-        contours.body.velocity[:] = speed_px_s, 0.0
+        velocity = contours.body.velocity
+        contours.body.velocity = speed_px_s, 0.0
         take(refinement, contours, surface, patience)
-        contours.body.velocity[:] = velocity
+        contours.body.velocity = velocity
 
     return taken
 

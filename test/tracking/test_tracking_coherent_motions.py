@@ -37,7 +37,7 @@ def test_the_motion_near_the_one_so_far_is_found(velocity):
 def test_what_is_climbed_to_agrees_as_it_does_by_itself():
     events = events_of((25.0, -20.0))
     found = motions().near(events, TIME_S, AT_REST)
-    alone = motions().best_of(events, TIME_S, [found.velocity])
+    alone = motions().best_of(events, TIME_S, found.velocity[None])
     assert (found.agreement, found.alike) == pytest.approx((alone.agreement, alone.alike), rel=1e-6)
 
 
@@ -57,8 +57,8 @@ def test_the_best_near_by_stays_where_nothing_farther_off_is_better():
 
 
 def test_the_best_of_some_velocities_is_that_of_the_events():
-    velocities = [np.array(velocity) for velocity in ((0.0, 0.0), (50.0, 0.0), (100.0, 0.0))]
-    assert motions().best_of(events_of((50.0, 0.0)), TIME_S, velocities).velocity is velocities[1]
+    velocities = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)])
+    assert motions().best_of(events_of((50.0, 0.0)), TIME_S, velocities).velocity.tolist() == [50.0, 0.0]
 
 
 def test_events_of_what_turns_agree_if_it_has_turned():

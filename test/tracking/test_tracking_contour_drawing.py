@@ -16,6 +16,7 @@ from etd_ros.tracking.contour_drawing import (
     climbed,
     coherence,
     learn,
+    most_coherent,
     normalise,
     room_for_parts,
     splat,
@@ -177,6 +178,27 @@ def test_coherence_is_that_of_its_definition(seed, count):
     agreement, alike = coherence(points, count, shares, weight, UPRIGHT, 1.0, velocity, 0.03, room)
     assert agreement == pytest.approx(found / (possible + COHERENCE_FLOOR) ** CROWDING_POWER, rel=1e-3, abs=1e-4)
     assert alike * possible == pytest.approx(found, rel=1e-3, abs=1e-3 * possible + 1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), number=st.integers(1, 20))
+def test_the_most_coherent_of_some_velocities_is_the_first_that_agrees_best(seed, number):
+    rng = np.random.default_rng(seed)
+    points = np.column_stack([
+        rng.uniform(20, 40, 100), rng.uniform(30, 50, 100), -rng.uniform(0, 0.03, 100), rng.choice([-1, 1], 100)
+    ]).astype(np.float32)  # fmt: skip
+    velocities = np.repeat(rng.uniform(-60, 60, (number, 2)), 2, axis=0)
+    weight, room = np.ones((ROWS, COLUMNS), np.float32), room_for_parts(4, ROWS, COLUMNS)
+    best, agreement, alike = most_coherent(
+        points, np.ones(100, np.float32), weight, UPRIGHT, 1.0, velocities, 0.03, 0.01, room
+    )
+    agreements = [
+        agreement_of(points, velocity)[0] * math.exp(-0.01 * 0.03 * math.hypot(*velocity)) for velocity in velocities
+    ]
+    assert best % 2 == 0
+    assert agreement == pytest.approx(max(agreements), rel=1e-6)
+    assert agreements[best] == pytest.approx(agreement, rel=1e-6)
+    assert alike == pytest.approx(agreement_of(points, velocities[best])[1], rel=1e-6)
 
 
 def climbed_by_definition(points, so_far, middle, step_px, reach, change_weight, rest_weight):

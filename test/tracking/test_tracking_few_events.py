@@ -34,7 +34,7 @@ def test_a_fast_target_whose_events_become_few_is_seen_and_followed():
 
 def contours_at(speed_px_s):
     contours = Contours(Box(50, 50, 20, 20), START_NS, ContourConfig())
-    contours.body.velocity[:] = speed_px_s, 0.0
+    contours.body.velocity = speed_px_s, 0.0
     return contours
 
 

@@ -28,7 +28,7 @@ DURATION_S = 0.7
 NEARS_S = 1.5
 X, Y = 120, 90
 BOX = Box(100, 70, 40, 40)
-PLACE = np.array(BOX.center)
+PLACE = BOX.center
 
 
 def scaled(*, nears, moves_px_s=0.0, duration_s=DURATION_S):
@@ -227,11 +227,11 @@ def test_what_grows_by_its_looks_is_measured_from_then_on():
 
 def test_edges_of_what_is_known_to_grow_pass_over_pixels_by_that_as_well():
     contours = Contours(BOX, 0, ContourConfig())
-    contours.change_since(contours.body.pose.copy(), 0.0, 0.0, 0.1)
-    contours.body.velocity[:] = 30.0, 0.0
+    contours.change_since(contours.body.pose, 0.0, 0.0, 0.1)
+    contours.body.velocity = 30.0, 0.0
     contours.body.growing.per_s = 2.0
     assert contours.sweep_px_s == 30.0, "it is not known to"
-    contours.change_since(contours.body.pose.copy(), 2.0, 0.0, 0.1)
+    contours.change_since(contours.body.pose, 2.0, 0.0, 0.1)
     assert contours.sweep_px_s > 35.0
 
 

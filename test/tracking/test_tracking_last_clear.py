@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, tracked
@@ -153,7 +155,7 @@ def contours_at_once():
     """Contours of a target that moves to the right, all of which is known."""
     scene = passed(*PASSING["it overtakes"])
     contours = Contours(scene.box("thing", 0.0), START_NS, ContourConfig())
-    contours.body.velocity[:] = 100.0, 0.0
+    contours.body.velocity = 100.0, 0.0
     contours.known_as = lambda _impression: 1.0
     return contours
 
@@ -224,6 +226,11 @@ def test_what_is_doubted_is_looked_for_elsewhere_only_once_it_has_strayed(seen):
     assert clear.found_elsewhere() is None
 
 
+def moved(standing, right_px):
+    x, y, scale, angle_rad = standing.pose
+    return replace(standing, pose=(x + right_px, y, scale, angle_rad))
+
+
 def standing(clear, take):
     """What has come to a halt where it was clear."""
     take()
@@ -244,7 +251,7 @@ def test_what_moves_elsewhere_than_where_a_target_stood_has_not_set_off_from_the
     _, clear, take = seen
     standing(clear, take)
     monkeypatch.setattr(last_clear, "stands_alone", lambda *_: True)
-    clear.stood.pose[0] += NEAR_SIZES * SIZE_PX
+    clear.stood = moved(clear.stood, NEAR_SIZES * SIZE_PX)
     take(is_sure=False)
     assert clear.stood is not None
 
@@ -252,7 +259,7 @@ def test_what_moves_elsewhere_than_where_a_target_stood_has_not_set_off_from_the
 def test_what_halts_far_from_where_it_was_clear_is_not_said_to_stand(seen):
     _, clear, take = seen
     take()
-    clear.sighting.standing.pose[0] += NEAR_SIZES * SIZE_PX
+    clear.sighting = replace(clear.sighting, standing=moved(clear.sighting.standing, NEAR_SIZES * SIZE_PX))
     clear.stand()
     assert clear.stood is None
 
@@ -275,7 +282,7 @@ def test_what_vanished_on_its_way_may_be_found_where_that_brings_it(seen, speed_
     looks, clear, take = seen
     standing(clear, take)
     looks.seen_as_before = 0.0
-    clear.stood.velocity[:] = speed_px_s, 0.0
+    clear.stood = replace(clear.stood, velocity=(speed_px_s, 0.0))
     assert clear.believe(0.0, 0.0, is_expected=True) is moved_on
     assert (clear.stood is None) is moved_on
 

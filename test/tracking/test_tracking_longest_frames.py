@@ -55,7 +55,7 @@ def test_frames_of_what_is_not_fast_are_to_be_no_shorter_than_its_looks_are_apar
 @pytest.mark.parametrize(("speed_px_s", "waits_s"), [(3000.0, 0.0015), (4500.0, 0.001)])
 def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(speed_px_s, waits_s):
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.body.velocity[:] = speed_px_s, 0.0
+    contours.body.velocity = speed_px_s, 0.0
     assert contours.body.is_fast
     assert not contours.is_due(START_NS + round(0.95 * waits_s * 1e9), is_sure=True)
     assert contours.is_due(START_NS + round(1.05 * waits_s * 1e9), is_sure=True)
@@ -63,7 +63,7 @@ def test_a_look_at_what_is_fast_waits_until_it_has_moved_by_a_share_of_its_size(
 
 def test_a_look_at_what_is_fast_waits_for_two_milliseconds_at_most():
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.body.velocity[:] = 1000.0, 0.0
+    contours.body.velocity = 1000.0, 0.0
     assert contours.body.is_fast
     assert not contours.is_due(START_NS + 1_900_000, is_sure=True)
     assert contours.is_due(START_NS + 2_000_000, is_sure=True)
@@ -71,7 +71,7 @@ def test_a_look_at_what_is_fast_waits_for_two_milliseconds_at_most():
 
 def test_a_look_at_what_is_fast_waits_for_five_milliseconds_after_one_that_was_not_sure():
     contours = Contours(Box(10.0, 10.0, 100.0, 100.0), START_NS, ContourConfig())
-    contours.body.velocity[:] = 3000.0, 0.0
+    contours.body.velocity = 3000.0, 0.0
     assert not contours.is_due(START_NS + 4_900_000, is_sure=False)
     assert contours.is_due(START_NS + 5_000_000, is_sure=False)
 

@@ -1,6 +1,8 @@
 """When a look at a target is due."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from etd_ros.tracking.look_pace import (
     EVENTS_MIN,
@@ -38,3 +40,15 @@ def test_patience_puts_off_sure_looks_at_what_is_slow_and_no_others(case, waits)
     assert is_due(elapsed_s=WAIT_MIN_S, patience=1.0, **case)
     assert is_due(elapsed_s=WAIT_MIN_S, patience=2.0, **case) is not waits
     assert is_due(elapsed_s=2 * WAIT_MIN_S, patience=2.0, **case)
+
+
+@given(
+    speed_px_s=st.floats(0, 3000),
+    sizes_per_s=st.floats(0, 3 * FAST_SIZES_PER_S),
+    patience=st.floats(1, 3),
+    share=st.floats(0, 0.999),
+)
+def test_none_is_due_before_the_earliest_however_many_events_come(speed_px_s, sizes_per_s, patience, share):
+    earliest_s = LookPace(2.0, 0.1).earliest_s(speed_px_s, sizes_per_s, patience)
+    given_ = {"speed_px_s": speed_px_s, "sizes_per_s": sizes_per_s, "patience": patience}
+    assert not is_due(elapsed_s=share * earliest_s, events=10**6, **given_)

@@ -124,8 +124,8 @@ def test_a_target_whose_box_was_drawn_over_the_border_has_left_if_its_own_motion
     for frame in frames_of(scene):
         tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
     target, before_ns = tracker.targets["thing"], frame.stamp_ns - 100_000_000
-    at_the_border = Standing(before_ns, np.array([19.0, 90.0, 1.0, 0.0]), np.array([leaves_at_px_s, 0.0]))
-    target._body.pose[0] = -1.0
+    at_the_border = Standing(before_ns, (19.0, 90.0, 1.0, 0.0), (leaves_at_px_s, 0.0))
+    target._body.be_at(-1.0, target._body.pose[1])
     target.go_back(frame.stamp_ns, at_the_border, target.impression)
     assert target.state is state
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, scene_of
+from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, pillar, scene_of
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Waypoint
-from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking import ContourConfig, MultiTracker, TargetState
 from etd_ros.tracking.box_network import shipped_network
+from etd_ros.tracking.contour_target import ContourTarget
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.turns import FEW
 
@@ -66,3 +69,68 @@ def test_each_of_many_is_looked_at_less_often_and_followed_as_well(scene, frames
     assert fewer_looks < 0.6 * looks
     assert 0 < less_asked < 0.7 * asked
     assert np.mean(beside_many) > np.mean(alone) - 0.02
+
+
+class Rests:
+    """Counts how often a target's frames change nothing, as its next look is not due."""
+
+    def __init__(self, monkeypatch):
+        self.frames = self.rested = 0
+        update, look = ContourTarget.update, ContourTarget._look
+        looked = []
+
+        def counted(target, *arguments):
+            looked.clear()
+            report = update(target, *arguments)
+            if target.name == "thing":
+                self.frames += 1
+                self.rested += not looked
+            return report
+
+        monkeypatch.setattr(ContourTarget, "update", counted)
+        monkeypatch.setattr(ContourTarget, "_look", lambda *given: (looked.append(True), look(*given)))
+
+
+@pytest.mark.parametrize(("others", "rests"), [(0, False), (19, True)])
+def test_each_of_many_rests_until_its_next_look(scene, frames, monkeypatch, others, rests):
+    counted = Rests(monkeypatch)
+    followed(scene, frames, others, monkeypatch)
+    assert (counted.rested > 0.4 * counted.frames) == rests
+
+
+def test_one_of_many_that_is_lost_rests_between_searches_and_is_found(monkeypatch):
+    behind = scene_of(Waypoint(0, 40, 60), Waypoint(1.0, 160, 60), duration_s=1.0, cover=(pillar(100),))
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", behind.box("thing", 0))
+    for number in range(19):
+        tracker.start(f"other_{number}", Box(10.0 * number, 140, 8, 8))
+    counted, states = Rests(monkeypatch), []
+    for frame in frames_of(behind):
+        before = counted.rested
+        report = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0]
+        states.append((report.state, counted.rested > before))
+    assert (TargetState.RECOVERING, True) in states
+    assert report.state is TargetState.TRACKING
+    assert overlap(report, behind.box("thing", (frame.stamp_ns - START_NS) * 1e-9)) > 0.7
+
+
+def test_what_rests_is_wherever_its_motion_brings_it(scene, frames):
+    """Its box moves on with every frame, and not only with those that are looked at."""
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", scene.box("thing", 0))
+    for number in range(19):
+        tracker.start(f"other_{number}", Box(10.0 * number, 140, 8, 8))
+    boxes = [tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0].box for frame in frames]
+    late = boxes[len(boxes) // 2 :]
+    assert all(box != before for before, box in itertools.pairwise(late))
+
+
+def test_what_rests_goes_on_where_the_stream_starts_again(scene, frames):
+    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
+    tracker.start("thing", scene.box("thing", 0), START_NS)
+    for number in range(19):
+        tracker.start(f"other_{number}", Box(10.0 * number, 140, 8, 8))
+    for _ in range(2):
+        for frame in frames:
+            report = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0]
+    assert overlap(report, scene.box("thing", DURATION_S)) > 0.8

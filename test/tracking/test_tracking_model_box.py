@@ -16,7 +16,7 @@ ANGLES = np.arange(DIRECTIONS) * 2 * math.pi / DIRECTIONS
 
 
 def pose(scale=1.0, angle_rad=0.0):
-    return np.array([100.0, 80.0, scale, angle_rad])
+    return 100.0, 80.0, scale, angle_rad
 
 
 def at(box, pose):

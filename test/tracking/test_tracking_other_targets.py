@@ -22,7 +22,7 @@ class Placed:
     """A target that says where it is."""
 
     def __init__(self, box, velocity=(0.0, 0.0)):
-        self.box, self.velocity, self.others = box, np.array(velocity), OtherBoxes()
+        self.box, self.velocity, self.others = box, velocity, OtherBoxes()
         self.is_beginning, self.has_events = False, True
 
     def begins(self, _stamp_ns):

@@ -5,10 +5,10 @@ import pytest
 
 from etd_ros.tracking.own_events import JOLT_NS, OwnEvents
 
-POSE = np.array([80.0, 60.0, 1.0, 0.0])
+POSE = (80.0, 60.0, 1.0, 0.0)
 SIZE = (30.0, 24.0)
 SPAN_S = 0.04
-BEFORE, JOLTED = np.array([50.0, 0.0]), np.array([50.0, -80.0])
+BEFORE, JOLTED = (50.0, 0.0), (50.0, -80.0)
 
 
 def points_of(velocity, outer, pixels, count):
@@ -54,7 +54,7 @@ def look(own, surface):
     """How many events are kept."""
     own.see_backdrop(surface, Standing(), SPAN_S)
     points, count = surface.points(None, SPAN_S)
-    return own.keep(points, count, POSE, BEFORE, SPAN_S, surface.stamp_ns)
+    return own.keep(points, count, np.array(POSE), BEFORE, SPAN_S, surface.stamp_ns)
 
 
 @pytest.fixture

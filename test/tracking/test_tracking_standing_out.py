@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from etd_ros.boxes import Box
@@ -67,7 +66,7 @@ def test_places_round_it_are_sought_until_one_is_enough():
 
 def search_at_left_border(*, has_left):
     contours = Contours(Box(0.0, 70.0, 40.0, 40.0), 0, ContourConfig())
-    contours.body.velocity[:] = -100.0, 0.0
+    contours.body.velocity = -100.0, 0.0
     before = Standing.of(contours.body)
     surface = TimeSurface(WIDTH, HEIGHT)
     left_over = Side.LEFT if has_left else None
@@ -75,7 +74,7 @@ def search_at_left_border(*, has_left):
 
 
 def seen(velocity):
-    return _Seen(0, FOUND.x, FOUND.y, np.array(velocity), 1.0, 1.0)
+    return _Seen(0, FOUND.x, FOUND.y, velocity, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -96,10 +95,9 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
     search = search_at_left_border(has_left=has_left)
     search._path = [seen((80.0, 0.0))]
     body = search._contours.body
-    pose, velocity = body.pose.copy(), body.velocity.copy()
+    pose, velocity = body.pose, body.velocity
     assert search._is_it(FOUND) is is_it
-    np.testing.assert_array_equal(body.pose, pose)
-    np.testing.assert_array_equal(body.velocity, velocity)
+    assert (body.pose, body.velocity) == (pose, velocity)
 
 
 @pytest.mark.parametrize(
@@ -108,5 +106,5 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
 )
 def test_at_the_border_it_has_to_be_as_sure_as_anywhere(has_left, wanted):
     search = search_at_left_border(has_left=has_left)
-    search._begin(_WideLook(FOUND, _Place(20.0, 90.0, np.zeros(2), 0.1), is_here=True))
+    search._begin(_WideLook(FOUND, _Place(20.0, 90.0, (0.0, 0.0), 0.1), is_here=True))
     assert search._wanted == wanted

@@ -1,5 +1,7 @@
 """The first motion of a target, on simulated scenes whose truth is exact."""
 
+import math
+
 import numpy as np
 import pytest
 from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of, tracked
@@ -68,7 +70,7 @@ def test_what_flickers_beside_a_box_does_not_draw_it_away(beside_px, polarity):
         surface.take(start_ns + number * 1_000_000, data, start_ns + (number - 1) * 1_000_000)
         if start_up.take(surface, contours.keep(surface)):
             break
-    moved_px = np.hypot(*(contours.body.pose[:2] - box.center))
+    moved_px = math.dist(contours.body.pose[:2], box.center)
     assert moved_px < 4.0
 
 

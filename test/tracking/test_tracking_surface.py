@@ -31,3 +31,15 @@ def test_a_frames_newest_events_are_told_without_keeping_them():
     points, count = surface.newest(surface.window(Box(5, 4, 9, 3), 0))
     np.testing.assert_allclose(points[:count], [[7.5, 5.5, 0, -1], [12.5, 5.5, 0.008, 1]], atol=1e-6)
     assert surface.points(surface.window(Box(0, 0, 16, 12), 0), 1.0)[1] == 0
+
+
+def test_events_beside_all_windows_are_known_where_all_is_kept():
+    surface, window = TimeSurface(16, 12), (4, 8, 6, 10)
+    data = np.zeros((12, 16, 2), np.uint8)
+    data[5, 7, 1], data[1, 2, 0] = 255, 255
+    for stamp_ms, keeps_all, known in ((10, False, 1), (20, True, 2)):
+        surface.keeps_all = keeps_all
+        surface.take(stamp_ms * MS, data, (stamp_ms - 10) * MS)
+        assert surface.keep(window) == 1
+        surface.keep_too(window)
+        assert surface.points((0, 12, 0, 16), 0.005)[1] == known

@@ -42,19 +42,19 @@ def test_what_has_left_its_box_is_held_at_its_own_velocity(velocity):
 
 def test_what_is_still_in_its_box_is_offered_no_other_velocity():
     surroundings, time_s = seen(lambda at_s: ring_at(*BOX.center))
-    assert surroundings.velocities(np.zeros(2), time_s) == []
+    assert len(surroundings.velocities(np.zeros(2), time_s)) == 0
 
 
 def test_a_velocity_that_holds_it_already_is_not_doubted():
     x, y = BOX.center
     surroundings, time_s = seen(lambda at_s: ring_at(x + 900 * at_s, y))
-    assert surroundings.velocities(np.array([900.0, 0.0]), time_s) == []
+    assert len(surroundings.velocities(np.array([900.0, 0.0]), time_s)) == 0
 
 
 def test_where_all_round_it_moves_no_velocity_is_offered():
     rng = np.random.default_rng(0)
     surroundings, time_s = seen(lambda _: (rng.integers(0, WIDTH, 200), rng.integers(0, HEIGHT, 200)))
-    assert surroundings.velocities(np.zeros(2), time_s) == []
+    assert len(surroundings.velocities(np.zeros(2), time_s)) == 0
 
 
 def test_two_things_on_both_sides_offer_no_velocity():
@@ -65,14 +65,14 @@ def test_two_things_on_both_sides_offer_no_velocity():
         return tuple(np.concatenate(pair) for pair in zip(ahead, behind, strict=True))
 
     surroundings, time_s = seen(both)
-    assert surroundings.velocities(np.zeros(2), time_s) == []
+    assert len(surroundings.velocities(np.zeros(2), time_s)) == 0
 
 
 def test_of_events_without_end_none_are_kept():
     rows, columns = (part.ravel() for part in np.mgrid[:HEIGHT, :WIDTH])
     surroundings, time_s = seen(lambda _: (columns, rows))
     assert len(surroundings.events) == 0
-    assert surroundings.velocities(np.zeros(2), time_s) == []
+    assert len(surroundings.velocities(np.zeros(2), time_s)) == 0
 
 
 def test_what_leaves_along_the_border_is_held_at_its_own_velocity():
@@ -92,7 +92,7 @@ def test_of_a_box_that_fills_its_surroundings_nothing_is_offered():
         return np.full(24, 2 + int(200 * at_s)), np.arange(24) * 3
 
     surroundings, time_s = seen(corner, box=Box(1, 1, WIDTH - 2, HEIGHT - 2))
-    assert surroundings.velocities(np.array([9000.0, 0.0]), time_s) == []
+    assert len(surroundings.velocities(np.array([9000.0, 0.0]), time_s)) == 0
 
 
 def test_what_is_held_at_every_step_of_the_velocity_is_counted_event_by_event():

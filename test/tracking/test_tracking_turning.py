@@ -178,7 +178,7 @@ class FlowingSurface:
 
 
 def correction(seen, rate, filtered=None):
-    return (filtered or TurningByFlow()).correction(FlowingSurface(seen), BOX, PLACE, 50.0, rate)
+    return (filtered or TurningByFlow()).correction(FlowingSurface(seen), BOX, BOX.center, 50.0, rate)
 
 
 def test_the_rate_of_what_turns_back_is_put_right():
