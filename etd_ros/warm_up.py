@@ -15,6 +15,7 @@ from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
 from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.growth import stands_alone
 from etd_ros.tracking.pointed_object import PointedObject
 from etd_ros.tracking.surface import TimeSurface
 from msg_adapters import ENCODINGS, Layout, decoder_for
@@ -91,10 +92,13 @@ def _track() -> None:
             # A node that gets its frames as messages may not write to them, which is another type to a kernel.
             frame.flags.writeable = step % 2 == 0
             tracker.update((step + 1) * STEP_NS, frame)
-    # No look here is at noise alone, or before what moves otherwise.
+    # No look here is at noise alone, at what is held beside another target, or before what moves otherwise.
     surface = TimeSurface(SENSOR_SIDE, SENSOR_SIDE)
     surface.shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
-    backdrop = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).own.backdrop
+    own = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).own
+    own.others.note(np.zeros((1, 6)), 1.0, 0)
+    stands_alone(surface, Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0.1, others=own.others)
+    backdrop = own.backdrop
     backdrop.velocity, backdrop.is_settled = (1000.0, 0.0), True
     backdrop.keep_own(*surface.points((0, 8, 0, 8), 0.1), np.array([16.0, 16.0, 1.0, 0.0]), (0.0, 0.0), 0.1)
 

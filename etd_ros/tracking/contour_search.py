@@ -31,6 +31,8 @@ FOUND_LOOKS = 2
 HERE_PX = 6.0
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
+LONG_TIMES = 2.0
+"""Later, one of many is looked for so many times as seldom."""
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX, GAP_RADIUS_MAX_PX = 9.0, 60.0, 36.0, 54.0
 GROWTH_SHARE, GAP_GROWTH_SHARE = 0.5, 1.0
 """The region grows by at least so much of the target's usual speed: it may have turned. After a gap in the events it is
@@ -177,7 +179,11 @@ class ContourSearch:
         return min(searches_ns, self._expected.next_ns(patience)) if self._is_expected_on_sensor() else searches_ns
 
     def _searches_ns(self, patience: float) -> int:
-        return self._searched_ns + round(CONFIRM_NS if self._path else patience * SEARCH_NS)
+        if self._path:
+            return self._searched_ns + CONFIRM_NS
+        if self.since_s > COAST_S:
+            patience = min(patience**2, LONG_TIMES * patience)
+        return self._searched_ns + round(patience * SEARCH_NS)
 
     def found(self, patience: float = 1.0) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then. Where nothing that

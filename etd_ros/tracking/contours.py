@@ -90,7 +90,7 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
-        self._kept_ns = stamp_ns
+        self._kept_ns, self._patience = stamp_ns, 1.0
         self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     def anew(self, box: Box, stamp_ns: int) -> Contours:
@@ -164,7 +164,7 @@ class Contours:
     def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float = 1.0) -> bool:
         """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on;
         `patience` as for `LookPace.is_due`."""
-        body = self.body
+        body, self._patience = self.body, patience
         return self._pace.is_due(
             body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure, patience=patience
         )
@@ -386,7 +386,7 @@ class Contours:
             return
         too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
         if config.angle_gain > 0 and self.body.turning.per_s == 0:
-            turned *= self._beginning.trust(surface, self.body, self.sweep_px_s, turned, self.known)
+            turned *= self._beginning.trust(surface, self.body, self.sweep_px_s, turned, self.known, self._patience)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
             too_small *= 1 - self.covered

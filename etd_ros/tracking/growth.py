@@ -16,6 +16,7 @@ from etd_ros.tracking.known_growth import KnownGrowth, error_by_all
 from etd_ros.tracking.measured_rate import MeasuredRate
 from etd_ros.tracking.other_targets import OtherBoxes
 from etd_ros.tracking.surface import TimeSurface, Window
+from etd_ros.tracking.surface_kernels import count_within
 
 FLOW_MARGIN_PX = 2.0
 """How far round a box its own edges lie."""
@@ -142,16 +143,25 @@ def stands_alone(
     it. Those of others are left out, if they are given."""
     own = surface.window(box, 0.0)
     within, wide = (surface.window(box.scaled(RING_SCALE), margin) for margin in (0.0, RING_PX))
-    (events, pixels), (events_within, pixels_within), (events_wide, pixels_wide) = (
-        (count_of(surface, window, span_s, others), _pixels(window)) for window in (own, within, wide)
-    )
-    around = (events_wide - events_within) / max(1, pixels_wide - pixels_within)
-    return around <= around_max * events / max(1, pixels)
+    events, events_within, events_wide = _counts_of(surface, (own, within, wide), span_s, others)
+    around = (events_wide - events_within) / max(1, _pixels(wide) - _pixels(within))
+    return around <= around_max * events / max(1, _pixels(own))
+
+
+def _counts_of(
+    surface: TimeSurface, windows: tuple[Window, Window, Window], span_s: float, others: OtherBoxes | None
+) -> list[int]:
+    """`count_of` for windows that lie in the last one of them."""
+    if others is None or others.are_far:
+        return [surface.count(window, span_s) for window in windows]
+    points, count = surface.points(windows[-1], span_s)
+    count = others.leave_out(points, count, surface.stamp_ns)
+    return [count_within(points, count, *window) for window in windows]
 
 
 def count_of(surface: TimeSurface, window: Window, span_s: float, others: OtherBoxes | None) -> int:
     """How many events of a window are at most so old; those of others are left out, if they are given."""
-    if others is None:
+    if others is None or others.are_far:
         return surface.count(window, span_s)
     points, count = surface.points(window, span_s)
     return others.leave_out(points, count, surface.stamp_ns)

@@ -20,7 +20,7 @@ from etd_ros.tracking.contour_kernels import (
 STRETCH_STEP = 0.04
 ANGLE_STEP_CELLS, ANGLE_STEP_MAX = 1.0, 0.3
 """An angle is tried that moves the model by so many cells, usually."""
-STIFFNESS = np.array([0.015, 0.015, 0.03])
+STIFFNESS = 0.015, 0.015, 0.03
 """A change of width, height or angle that changes the score by less than this share of it is hardly taken on: a ball
 has no angle."""
 PREFERENCE_LOOKS, PREFERENCE_RATE = 3, 0.25
@@ -89,10 +89,11 @@ class Misfits:
             norms: what `measure_norms` says of them.
         """
         as_is, less, more = self._beside(sight, maps, norms)
-        preferred, stiffness = self._preferred * as_is, STIFFNESS * abs(as_is)
         wider, higher, angle = (
-            step * parabola(left, as_is, right, stiff)
-            for step, left, right, stiff in zip(self._steps, less + preferred, more - preferred, stiffness, strict=True)
+            step * parabola(left + preferred * as_is, as_is, right - preferred * as_is, stiffness * abs(as_is))
+            for step, left, right, preferred, stiffness in zip(
+                self._steps, less.tolist(), more.tolist(), self._preferred.tolist(), STIFFNESS, strict=True
+            )
         )
         scale = 2 * wider * higher / (wider + higher) if wider * higher > 0 else 0.0
         return scale, angle

@@ -77,10 +77,15 @@ class OtherBoxes:
         shape (boxes, 6), and the share of the own box that is free of them."""
         self._moving, self.free, self._stamp_ns = moving, free, stamp_ns
 
+    @property
+    def are_far(self) -> bool:
+        """Whether none of them is near."""
+        return len(self._moving) == 0
+
     def leave_out(self, points: Float32Array, count: int, stamp_ns: int) -> int:
         """Keep the points of a time (ns), in place, that lie in none of the others where these were then; how many they
         are."""
-        if len(self._moving) == 0:
+        if self.are_far:
             return count
         return int(keep_outside(points, count, self._moving, (stamp_ns - self._stamp_ns) * 1e-9))
 

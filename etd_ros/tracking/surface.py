@@ -12,7 +12,7 @@ from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
-from etd_ros.tracking.surface_kernels import frame_points, keep_more_times, keep_times, kept_points
+from etd_ros.tracking.surface_kernels import frame_points, keep_more_times, keep_times, kept_count, kept_points
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -125,9 +125,7 @@ class TimeSurface:
 
     def count(self, window: Window, duration_s: float) -> int:
         """How many events of a window are at most so old."""
-        top, bottom, left, right = window
-        times = self._times[top:bottom, left:right]
-        return int(np.count_nonzero((times > self.stamp_ns - int(duration_s * 1e9)) & (times <= self.stamp_ns)))
+        return int(kept_count(self._times, self.stamp_ns, self.stamp_ns - int(duration_s * 1e9), *window))
 
     def newest(self, window: Window) -> tuple[Float32Array, int]:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next

@@ -93,6 +93,28 @@ def kept_points(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: 
 
 
 @njit(cache=True, nogil=True)
+def kept_count(times: npt.NDArray[np.int64], now_ns: int, oldest_ns: int, top: int, bottom: int, left: int, right: int
+               ) -> int:  # fmt: skip
+    """How many of the surface's event pixels in a window are after `oldest_ns` and no later than now."""
+    count = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            for channel in range(2):
+                count += oldest_ns < times[row, column, channel] <= now_ns
+    return count
+
+
+@njit(cache=True, nogil=True)
+def count_within(points: Float32Array, count: int, top: int, bottom: int, left: int, right: int) -> int:
+    """How many of the first `count` points lie in a window."""
+    within = 0
+    for index in range(count):
+        x, y = points[index, X], points[index, Y]
+        within += left <= x < right and top <= y < bottom
+    return within
+
+
+@njit(cache=True, nogil=True)
 def frame_points(data: npt.NDArray[np.uint8], duration_s: float, top: int, bottom: int, left: int, right: int,
                  points: Float32Array) -> int:  # fmt: skip
     """A frame's event pixels in a window, as points; their number. More than fit are left out."""

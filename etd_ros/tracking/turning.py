@@ -132,7 +132,9 @@ class BeginningTurn:
         self._asked_ns = 0
         self._seen = 0.0
 
-    def trust(self, surface: TimeSurface, body: Body, speed_px_s: float, turned: float, known: float) -> float:
+    def trust(
+        self, surface: TimeSurface, body: Body, speed_px_s: float, turned: float, known: float, patience: float = 1.0
+    ) -> float:
         """0 to 1.
 
         Args:
@@ -141,11 +143,12 @@ class BeginningTurn:
             speed_px_s: how fast its edges pass over pixels.
             turned: what the angle is off by (rad).
             known: how much of what this direction of motion shows has been seen, 0 to 1.
+            patience: the flow is asked so many times as seldom.
         """
         by_known = min(max((known - KNOWN_MIN) / (1 - KNOWN_MIN), 0.0), 1.0)
         if by_known == 1:
             return 1.0
-        if not 0 <= surface.stamp_ns - self._asked_ns < MEASURE_S * 1e9:
+        if not 0 <= surface.stamp_ns - self._asked_ns < patience * MEASURE_S * 1e9:
             self._asked_ns = surface.stamp_ns
             self._seen = self._flow_turns(surface, body, speed_px_s)
         return 1.0 if self._seen * turned > 0 else by_known

@@ -69,6 +69,8 @@ def test_noise_is_nothing_that_moves_through():
 
 def test_what_lies_in_the_box_of_another_target_is_known_to_pass():
     class AllTaken(OtherBoxes):
+        are_far = False
+
         def leave_out(self, _points, _count, _stamp_ns):
             return 0
 
