@@ -20,7 +20,7 @@ from etd_ros.tracking.expected_place import (
 )
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.standing_out import share_elsewhere
-from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surface import NEVER_NS, TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
 
 CONFIDENCE_CANDIDATE, CONFIDENCE_FOUND, CONFIDENCE_FOUND_HERE = 0.4, 0.75, 0.6
@@ -136,6 +136,7 @@ class ContourSearch:
         self._expected_velocity = (-right, -down) if self.has_left else before.velocity
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
+        self._compared_ns = NEVER_NS
         self._place: _Place
         self._glimpse: _Seen | None = None
         self._wanted = CONFIDENCE_FOUND
@@ -191,7 +192,7 @@ class ContourSearch:
         stamp_ns, body = self._surface.stamp_ns, self._contours.body
         if self._is_expected_on_sensor():
             look = self._expected.found(patience)
-            if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX):
+            if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX, patience):
                 body.be_at(look.x, look.y)
                 self.is_unsettled = False
                 return True
@@ -209,7 +210,7 @@ class ContourSearch:
             self.give_up()
             return False
         self._path.append(_Seen(stamp_ns, look.x, look.y, self._velocity_to(look), confidence, confidence_turned))
-        if not (self._is_sure() and self._is_it(look)):
+        if not (self._is_sure() and self._is_it(look, patience)):
             if stamp_ns - self._path[0].stamp_ns > CANDIDATE_NS:
                 self.give_up()
             return False
@@ -217,12 +218,12 @@ class ContourSearch:
         body.velocity = self._path[-1].velocity
         return True
 
-    def _is_it(self, look: Look) -> bool:
+    def _is_it(self, look: Look, patience: float) -> bool:
         """Whether a candidate that looks are sure of is the target."""
         velocity = self._path[-1].velocity
         if self.has_left:
-            return self._comes_in() and self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX)
-        return self._is_alone(look, velocity, ELSEWHERE_MAX)
+            return self._comes_in() and self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX, patience)
+        return self._is_alone(look, velocity, ELSEWHERE_MAX, patience)
 
     def _comes_in(self) -> bool:
         """Whether the candidate moves inwards from the border."""
@@ -232,9 +233,13 @@ class ContourSearch:
         inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
         return inwards_px > INWARD_SHARE * math.hypot(*seen.velocity) * INWARD_S
 
-    def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float) -> bool:
-        """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""
-        body = self._contours.body
+    def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float, patience: float) -> bool:
+        """Whether the target, moving with this velocity (pixels/s), stands out from what is round it; of many, each is
+        asked less often, as that takes as long as nine looks."""
+        body, stamp_ns = self._contours.body, self._surface.stamp_ns
+        if stamp_ns - self._compared_ns < (patience - 1) * CONFIRM_NS:
+            return False
+        self._compared_ns = stamp_ns
         pose, before = body.pose, body.velocity
         body.be_at(look.x, look.y)
         body.velocity = velocity

@@ -107,6 +107,7 @@ class ContourTarget:
         self._search: ContourSearch
         self._updated_ns: int
         self._rests_until_ns: int
+        self._reported: TargetReport
         self.followed_since_ns: int
         self._wait_for_start()
 
@@ -162,7 +163,7 @@ class ContourTarget:
             self._updated_ns = self.followed_since_ns = stamp_ns
         if stamp_ns < self._rests_until_ns and image is None and not self._surface.has_just_halted:
             self._updated_ns = stamp_ns
-            return self._report(stamp_ns)
+            return self._reported if self._reported.box is None else self._report(stamp_ns)
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
             self._look(stamp_ns, image)
@@ -175,7 +176,8 @@ class ContourTarget:
             if is_sure and not was_held:
                 self._watch_for_drift(stamp_ns, image)
         self._rests_until_ns = self._next_look_ns()
-        return self._report(stamp_ns)
+        self._reported = self._report(stamp_ns)
+        return self._reported
 
     def _next_look_ns(self) -> int:
         """Until when (ns) frames without an image change nothing, as its events are kept without it: of many targets

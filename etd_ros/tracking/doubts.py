@@ -51,14 +51,13 @@ class Doubts:
     @property
     def is_leaving(self) -> bool:
         """Whether the target is at a border of the sensor and was moving over it."""
-        box, (right, down) = self._body.box, self._leaving_velocity
-        edges = (
-            (box.x <= 1, -right),
-            (box.x + box.w >= self._surface.width - 1, right),
-            (box.y <= 1, -down),
-            (box.y + box.h >= self._surface.height - 1, down),
+        (x, y, w, h), (right, down) = self._body.box, self._leaving_velocity
+        return (
+            (x <= 1 and -right > SPEED_OUT_PX_S)
+            or (x + w >= self._surface.width - 1 and right > SPEED_OUT_PX_S)
+            or (y <= 1 and -down > SPEED_OUT_PX_S)
+            or (y + h >= self._surface.height - 1 and down > SPEED_OUT_PX_S)
         )
-        return any(is_there and outward > SPEED_OUT_PX_S for is_there, outward in edges)
 
     @property
     def has_gone_behind(self) -> bool:

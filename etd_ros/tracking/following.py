@@ -148,7 +148,8 @@ class Following:
     def _as_if_free(self, look: Look) -> Look:
         """A look with as many events as if no other target reached into the box, so that what is usual stays that of
         all of it. The score is of what is seen: it hardly depends on how much that is."""
-        return look._replace(events=look.events / self._contours.own.others.free)
+        free = self._contours.own.others.free
+        return look if free == 1 else look._replace(events=look.events / free)
 
     def _go_without_events(self, stamp_ns: int, elapsed_s: float) -> Outcome:
         """A target that was slowing down stands still now, as does what is seen by a camera that comes to a halt; one

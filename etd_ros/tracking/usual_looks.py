@@ -27,11 +27,9 @@ class UsualLooks:
 
     def learn(self, look: Look) -> None:
         """Take a look that is believed."""
-        evidence = _evidence(look, look.motion)
-        if self._evidence is None:
-            self._evidence = evidence
-        score, events = (_nearer(usual, now) for usual, now in zip(self._evidence, evidence, strict=True))
-        self._evidence = score, events
+        evidence = score, events = _evidence(look, look.motion)
+        usual_score, usual_events = self._evidence or evidence
+        self._evidence = _nearer(usual_score, score), _nearer(usual_events, events)
         self._motion += RATE * (look.motion - self._motion)
 
     def confidence(self, look: Look) -> float:
@@ -47,7 +45,8 @@ class UsualLooks:
     def _share(self, look: Look, motion: float) -> float:
         if self._evidence is None:
             return 1.0
-        return min(now / usual for usual, now in zip(self._evidence, _evidence(look, motion), strict=True))
+        (usual_score, usual_events), (score, events) = self._evidence, _evidence(look, motion)
+        return min(score / usual_score, events / usual_events)
 
 
 def _nearer(usual: float, now: float) -> float:
