@@ -84,7 +84,7 @@ def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch, veloc
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
     search = search_at_left_border(has_left=True)
     search._path = [seen(velocity)]
-    assert search._is_it(FOUND) is comes_in
+    assert search._is_it(FOUND, patience=1.0) is comes_in
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
     search._path = [seen((80.0, 0.0))]
     body = search._contours.body
     pose, velocity = body.pose, body.velocity
-    assert search._is_it(FOUND) is is_it
+    assert search._is_it(FOUND, patience=1.0) is is_it
     assert (body.pose, body.velocity) == (pose, velocity)
 
 
