@@ -115,7 +115,10 @@ class CoherentMotions:
     def agreement_if(self, turned: Turned, events: Float32Array, time_s: float) -> float:
         """How well the events agree if the target has moved, turned and grown so."""
         undone = turned.undone(events, self._pose[:2])
-        agreement = self._at(undone, time_s, _alike(events), self._weight, np.zeros(2)).agreement
+        agreement, _ = coherence(
+            undone, len(undone), _alike(events), self._weight, self._pose, self._cell_px, np.zeros(2), time_s,
+            self._room,
+        )  # fmt: skip
         around_px_s, outward_px_s = turned.turning_rad_s * self._arm_px, turned.growing_per_s * self._arm_px
         speed_px_s = math.hypot(*turned.velocity, around_px_s, outward_px_s)
         return agreement * _not_by_chance(len(events), speed_px_s, time_s)
@@ -204,15 +207,6 @@ class CoherentMotions:
             )  # fmt: skip
             velocity = np.array([right_px_s, down_px_s])
         return Motion(velocity, agreement, alike)
-
-    def _at(
-        self, events: Float32Array, time_s: float, shares: Float32Array, weight: Float32Array, velocity: Float64Array
-    ) -> Motion:
-        """How well the events agree with one another at a velocity (pixels/s)."""
-        agreement, alike = coherence(
-            events, len(events), shares, weight, self._pose, self._cell_px, velocity, time_s, self._room
-        )
-        return Motion(velocity, agreement * _not_by_chance(len(events), math.hypot(*velocity), time_s), alike)
 
     def _agreements(self, events: Float32Array, time_s: float, velocity: Float64Array) -> Float32Array:
         """How well each of the events agrees with the others, shape (n,)."""

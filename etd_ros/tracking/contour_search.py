@@ -31,8 +31,9 @@ FOUND_LOOKS = 2
 HERE_PX = 6.0
 COAST_S = 0.5
 """The motion of a target that is not seen is believed for so long."""
-LONG_TIMES = 2.0
-"""Later, one of many is looked for so many times as seldom."""
+LATE_TIMES = 2.0
+"""Later, one of many waits up to so many times as long for its next search, unless it has left: what comes in over a
+border is farther inside by then."""
 RADIUS_PX, GROWTH_PX_S, RADIUS_MAX_PX, GAP_RADIUS_MAX_PX = 9.0, 60.0, 36.0, 54.0
 GROWTH_SHARE, GAP_GROWTH_SHARE = 0.5, 1.0
 """The region grows by at least so much of the target's usual speed: it may have turned. After a gap in the events it is
@@ -136,7 +137,7 @@ class ContourSearch:
         self._expected_velocity = (-right, -down) if self.has_left else before.velocity
         self._begun_ns = self._searched_ns = self._looked_round_ns = stamp_ns
         self._turn = 0
-        self._compared_ns = NEVER_NS
+        self._compared_ns = self._expected_compared_ns = NEVER_NS
         self._place: _Place
         self._glimpse: _Seen | None = None
         self._wanted = CONFIDENCE_FOUND
@@ -180,11 +181,12 @@ class ContourSearch:
         return min(searches_ns, self._expected.next_ns(patience)) if self._is_expected_on_sensor() else searches_ns
 
     def _searches_ns(self, patience: float) -> int:
+        """When places round it are looked at next (ns)."""
         if self._path:
             return self._searched_ns + CONFIRM_NS
-        if self.since_s > COAST_S:
-            patience = min(patience**2, LONG_TIMES * patience)
-        return self._searched_ns + round(patience * SEARCH_NS)
+        is_late = self.since_s > COAST_S and not self.has_left
+        times = patience * min(patience, LATE_TIMES) if is_late else patience
+        return self._searched_ns + round(times * SEARCH_NS)
 
     def found(self, patience: float = 1.0) -> bool:
         """Whether looks that follow one another find the target's contours; the pose is there then. Where nothing that
@@ -192,10 +194,12 @@ class ContourSearch:
         stamp_ns, body = self._surface.stamp_ns, self._contours.body
         if self._is_expected_on_sensor():
             look = self._expected.found(patience)
-            if look is not None and self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX, patience):
-                body.be_at(look.x, look.y)
-                self.is_unsettled = False
-                return True
+            if look is not None and _may_compare(stamp_ns, self._expected_compared_ns, patience):
+                self._expected_compared_ns = stamp_ns
+                if self._is_alone(look, body.velocity, ELSEWHERE_EXPECTED_MAX):
+                    body.be_at(look.x, look.y)
+                    self.is_unsettled = False
+                    return True
         if stamp_ns < self._searches_ns(patience):
             return False
         self._searched_ns = stamp_ns
@@ -219,11 +223,12 @@ class ContourSearch:
         return True
 
     def _is_it(self, look: Look, patience: float) -> bool:
-        """Whether a candidate that looks are sure of is the target."""
-        velocity = self._path[-1].velocity
-        if self.has_left:
-            return self._comes_in() and self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX, patience)
-        return self._is_alone(look, velocity, ELSEWHERE_MAX, patience)
+        """Whether a candidate that looks are sure of is the target, as far as that is asked now."""
+        velocity, stamp_ns = self._path[-1].velocity, self._surface.stamp_ns
+        if (self.has_left and not self._comes_in()) or not _may_compare(stamp_ns, self._compared_ns, patience):
+            return False
+        self._compared_ns = stamp_ns
+        return self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX if self.has_left else ELSEWHERE_MAX)
 
     def _comes_in(self) -> bool:
         """Whether the candidate moves inwards from the border."""
@@ -233,13 +238,9 @@ class ContourSearch:
         inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
         return inwards_px > INWARD_SHARE * math.hypot(*seen.velocity) * INWARD_S
 
-    def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float, patience: float) -> bool:
-        """Whether the target, moving with this velocity (pixels/s), stands out from what is round it; of many, each is
-        asked less often, as that takes as long as nine looks."""
-        body, stamp_ns = self._contours.body, self._surface.stamp_ns
-        if stamp_ns - self._compared_ns < (patience - 1) * CONFIRM_NS:
-            return False
-        self._compared_ns = stamp_ns
+    def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float) -> bool:
+        """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""
+        body = self._contours.body
         pose, before = body.pose, body.velocity
         body.be_at(look.x, look.y)
         body.velocity = velocity
@@ -347,3 +348,9 @@ class ContourSearch:
             return True
         box = self._contours.body.box_at(look.x, look.y)
         return surface.inside_px(box) <= BORDER_PX + self._usual_speed_px_s * BORDER_S
+
+
+def _may_compare(stamp_ns: int, last_ns: int, patience: float) -> bool:
+    """Whether it is time (ns) to compare something with what is round it, after the last time: it takes as long as nine
+    looks, so that of many targets each is asked less often."""
+    return stamp_ns - last_ns >= (patience - 1) * CONFIRM_NS

@@ -107,7 +107,6 @@ class ContourTarget:
         self._search: ContourSearch
         self._updated_ns: int
         self._rests_until_ns: int
-        self._reported: TargetReport
         self.followed_since_ns: int
         self._wait_for_start()
 
@@ -161,9 +160,11 @@ class ContourTarget:
             self._start_up = StartUp(self._contours)
             self._begin_refinement(stamp_ns)
             self._updated_ns = self.followed_since_ns = stamp_ns
-        if stamp_ns < self._rests_until_ns and image is None and not self._surface.has_just_halted:
+        if image is None and self._rests(stamp_ns):
             self._updated_ns = stamp_ns
-            return self._reported if self._reported.box is None else self._report(stamp_ns)
+            if self._state is not TargetState.TRACKING:
+                self._search.coast()
+            return self._report(stamp_ns)
         self._check_sight(stamp_ns)
         if not self._surface.is_flash:
             self._look(stamp_ns, image)
@@ -176,25 +177,33 @@ class ContourTarget:
             if is_sure and not was_held:
                 self._watch_for_drift(stamp_ns, image)
         self._rests_until_ns = self._next_look_ns()
-        self._reported = self._report(stamp_ns)
-        return self._reported
+        return self._report(stamp_ns)
+
+    def _rests(self, stamp_ns: int) -> bool:
+        """Whether the newest frame (ns), if it has no image, is none to look at: of many targets each rests between its
+        looks, as its events are kept without it."""
+        surface = self._surface
+        has_gap = (surface.start_ns - self._updated_ns) * 1e-9 > UNSEEN_SHORT_S
+        return stamp_ns < self._rests_until_ns and surface.keeps_all and not (surface.has_just_halted or has_gap)
 
     def _next_look_ns(self) -> int:
-        """Until when (ns) frames without an image change nothing, as its events are kept without it: of many targets
-        each rests between its looks. NEVER_NS where every frame may."""
+        """Until when (ns) it may rest; NEVER_NS where it may not."""
         patience = self._turns.patience
         if not self._surface.keeps_all or self._lone_mover.is_looking:
             return NEVER_NS
         if self._held is not None or self._start_up is not None:
             return NEVER_NS
         if self._state is not TargetState.TRACKING:
-            return self._search.next_ns(patience)
+            lost_s = self._config.recovering_max_s - self._search.since_s
+            next_ns = self._search.next_ns(patience)
+            return next_ns if lost_s < 0 else min(next_ns, self._surface.stamp_ns + round(lost_s * 1e9))
         is_waiting = self._refinement is not None and self._refinement.is_waiting
         if is_waiting or not self.is_sure or self._last_clear.has_strayed:
             return NEVER_NS
         return self._contours.next_look_ns(patience)
 
     def _report(self, stamp_ns: int) -> TargetReport:
+        """What is said of it at a time (ns)."""
         if self._state is not TargetState.TRACKING:
             box = self._stand.box_at(stamp_ns) if self._stand else None
             return TargetReport(self.name, self.state, box, 0.0)

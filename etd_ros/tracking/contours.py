@@ -90,7 +90,8 @@ class Contours:
         self._misfits = Misfits(self._memories.weight, self._arm_cells, self.cell_px, config.ridge_weight)
         self._looks = 0
         self._pace = LookPace(config.window_px, config.window_max_s)
-        self._kept_ns, self._patience = stamp_ns, 1.0
+        self._kept_ns: int | None = None
+        self._patience = 1.0
         self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     def anew(self, box: Box, stamp_ns: int) -> Contours:
@@ -149,9 +150,11 @@ class Contours:
         since this was asked last if the surface keeps all."""
         body = self.body
         window = surface.window(body.box_at(*body.predicted(surface.stamp_ns), MARGIN), KEPT_MARGIN_PX)
-        was_asked = not surface.keeps_all or self._kept_ns >= surface.start_ns
-        new = surface.keep(window) if was_asked else surface.count(window, (surface.stamp_ns - self._kept_ns) * 1e-9)
-        self._kept_ns = surface.stamp_ns
+        kept_ns, self._kept_ns = self._kept_ns, surface.stamp_ns
+        if surface.keeps_all and kept_ns is not None and kept_ns < surface.start_ns:
+            new = surface.count(window, (surface.stamp_ns - kept_ns) * 1e-9)
+        else:
+            new = surface.keep(window)
         self._pace.wait_with(new)
         return new
 
@@ -163,7 +166,7 @@ class Contours:
 
     def is_due(self, stamp_ns: int, *, is_sure: bool, patience: float = 1.0) -> bool:
         """Whether it is time for a look, by whether the last ones were sure; events count for the next from then on;
-        `patience` as for `LookPace.is_due`."""
+        `patience` as for `LookPace.is_due`, and what looks teach asks the flow of edges as seldom."""
         body, self._patience = self.body, patience
         return self._pace.is_due(
             body.since_s(stamp_ns), self.sweep_px_s, body.sizes_per_s, is_sure=is_sure, patience=patience

@@ -155,6 +155,9 @@ def _counts_of(
     if others is None or others.are_far:
         return [surface.count(window, span_s) for window in windows]
     points, count = surface.points(windows[-1], span_s)
+    if count == len(points):
+        # There may be more of them.
+        return [count_of(surface, window, span_s, others) for window in windows]
     count = others.leave_out(points, count, surface.stamp_ns)
     return [count_within(points, count, *window) for window in windows]
 

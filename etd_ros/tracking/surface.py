@@ -70,7 +70,7 @@ class TimeSurface:
         self._data = data
         self._levels_of_rows = np.ascontiguousarray(data).reshape(self.height, 2 * self.width)
         self._kept.fill(0)
-        if self.keeps_all:
+        if self.keeps_all and not self.is_flash:
             self.keep((0, self.height, 0, self.width))
 
     def holds(self, x: float, y: float) -> bool:

@@ -114,23 +114,56 @@ def test_one_of_many_that_is_lost_rests_between_searches_and_is_found(monkeypatc
     assert overlap(report, behind.box("thing", (frame.stamp_ns - START_NS) * 1e-9)) > 0.7
 
 
-def test_what_rests_is_wherever_its_motion_brings_it(scene, frames):
-    """Its box moves on with every frame, and not only with those that are looked at."""
+def beside_many(scene, stamp_ns=0):
+    """A tracker of the scene's thing beside 19 boxes with nothing in them."""
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
-    tracker.start("thing", scene.box("thing", 0))
+    tracker.start("thing", scene.box("thing", 0), stamp_ns)
     for number in range(19):
         tracker.start(f"other_{number}", Box(10.0 * number, 140, 8, 8))
+    return tracker
+
+
+def test_what_rests_is_wherever_its_motion_brings_it(scene, frames):
+    """Its box moves on with every frame, and not only with those that are looked at."""
+    tracker = beside_many(scene)
     boxes = [tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0].box for frame in frames]
     late = boxes[len(boxes) // 2 :]
     assert all(box != before for before, box in itertools.pairwise(late))
+    assert late[-1].iou(scene.box("thing", DURATION_S)) > 0.8
 
 
-def test_what_rests_goes_on_where_the_stream_starts_again(scene, frames):
-    tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
-    tracker.start("thing", scene.box("thing", 0), START_NS)
-    for number in range(19):
-        tracker.start(f"other_{number}", Box(10.0 * number, 140, 8, 8))
-    for _ in range(2):
-        for frame in frames:
-            report = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0]
+def test_where_there_are_few_again_none_rests_as_the_surface_no_longer_keeps_all(scene, frames, monkeypatch):
+    tracker, counted = beside_many(scene), Rests(monkeypatch)
+    middle = len(frames) // 2
+    for frame in frames[:middle]:
+        tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    for name in list(tracker.targets)[1:]:
+        tracker.stop(name)
+    # All of the next one is kept still.
+    tracker.update(frames[middle].stamp_ns, frames[middle].data, start_ns=frames[middle].start_ns)
+    rested = counted.rested
+    for frame in frames[middle + 1 :]:
+        report = tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)[0]
+    assert 0 < rested == counted.rested
     assert overlap(report, scene.box("thing", DURATION_S)) > 0.8
+
+
+def test_nothing_rests_through_a_gap(scene, frames, monkeypatch):
+    tracker, counted = beside_many(scene), Rests(monkeypatch)
+    for frame in frames[: len(frames) // 2]:
+        tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    rested, end_ns = counted.rested, frame.stamp_ns
+    tracker.targets["thing"]._rests_until_ns = end_ns + 100_000_000
+    tracker.update(end_ns + 60_000_000, frame.data, start_ns=end_ns + 59_000_000)
+    assert counted.rested == rested
+
+
+@pytest.mark.parametrize("stamp_ns", [0, START_NS], ids=["goes on", "waits for its start"])
+def test_what_rests_is_followed_where_the_stream_starts_again(scene, frames, monkeypatch, stamp_ns):
+    tracker, counted = beside_many(scene, stamp_ns), Rests(monkeypatch)
+    for frame in frames[:-1]:
+        tracker.update(frame.stamp_ns, frame.data, start_ns=frame.start_ns)
+    tracker.targets["thing"]._rests_until_ns = frames[-1].stamp_ns
+    rested = counted.rested
+    tracker.update(frames[0].stamp_ns, frames[0].data, start_ns=frames[0].start_ns)
+    assert counted.rested == rested

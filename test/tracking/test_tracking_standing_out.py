@@ -9,8 +9,9 @@ from etd_ros.tracking import contour_search
 from etd_ros.tracking.arrivals import Side
 from etd_ros.tracking.body import Standing
 from etd_ros.tracking.contour_config import ContourConfig
-from etd_ros.tracking.contour_search import ContourSearch, _Place, _Seen, _WideLook
+from etd_ros.tracking.contour_search import COAST_S, LATE_TIMES, ContourSearch, _Place, _Seen, _WideLook
 from etd_ros.tracking.contours import Contours
+from etd_ros.tracking.expected_place import CONFIRM_NS, SEARCH_NS
 from etd_ros.tracking.look import Look
 from etd_ros.tracking.standing_out import share_elsewhere
 from etd_ros.tracking.surface import TimeSurface
@@ -98,6 +99,32 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
     pose, velocity = body.pose, body.velocity
     assert search._is_it(FOUND, patience=1.0) is is_it
     assert (body.pose, body.velocity) == (pose, velocity)
+
+
+@pytest.mark.parametrize(("patience", "is_asked_again"), [(1.0, True), (3.0, False)])
+def test_one_of_many_is_compared_with_what_is_round_it_less_often(monkeypatch, patience, is_asked_again):
+    monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
+    search = search_at_left_border(has_left=False)
+    search._path = [seen((80.0, 0.0))]
+    found = []
+    for stamp_ns in (0, CONFIRM_NS, 2 * CONFIRM_NS):
+        search._surface.stamp_ns = stamp_ns
+        found.append(search._is_it(FOUND, patience))
+    assert found == [True, is_asked_again, True]
+
+
+@pytest.mark.parametrize("has_left", [False, True])
+def test_one_of_many_that_was_lost_long_ago_is_looked_for_less_often_unless_it_has_left(has_left):
+    search = search_at_left_border(has_left=has_left)
+    waits_ns = {}
+    for since_s in (0.1, COAST_S + 0.1):
+        search._surface.stamp_ns = round(since_s * 1e9)
+        search.wait()
+        for patience in (1.0, 1.5, 3.0):
+            waits_ns[since_s, patience] = search.next_ns(patience) - search._surface.stamp_ns
+    soon, late = ([waits_ns[since_s, patience] / SEARCH_NS for patience in (1.0, 1.5, 3.0)] for since_s in (0.1, 0.6))
+    assert soon == [1.0, 1.5, 3.0]
+    assert late == (soon if has_left else [1.0, 1.5**2, 3.0 * LATE_TIMES])
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from etd_ros.boxes import Box
+from etd_ros.tracking.contour_config import ContourConfig
+from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.surface import TimeSurface
 
 MS = 1_000_000
@@ -43,3 +45,26 @@ def test_events_beside_all_windows_are_known_where_all_is_kept():
         assert surface.keep(window) == 1
         surface.keep_too(window)
         assert surface.points((0, 12, 0, 16), 0.005)[1] == known
+
+
+def test_light_that_changes_everywhere_is_not_kept_with_all():
+    surface = TimeSurface(16, 12)
+    surface.keeps_all = True
+    flash = np.zeros((12, 16, 2), np.uint8)
+    flash[:, :, 0] = 255
+    surface.take(10 * MS, flash)
+    assert surface.is_flash
+    assert surface.points((0, 12, 0, 16), 1.0)[1] == 0
+
+
+def test_what_has_fired_since_it_was_asked_last_is_counted_where_all_is_kept():
+    surface, contours = TimeSurface(64, 48), Contours(Box(20, 10, 20, 20), 0, ContourConfig())
+    surface.keeps_all = True
+    counts = {}
+    for frame, is_asked in enumerate((False, True, False, False, True), 1):
+        data = np.zeros((48, 64, 2), np.uint8)
+        data[15:20, 25 + frame, 0] = 255
+        surface.take(frame * MS, data, (frame - 1) * MS)
+        if is_asked:
+            counts[frame] = contours.keep(surface)
+    assert counts == {2: 5, 5: 15}, "what came before it was there is not its own"

@@ -228,6 +228,17 @@ def test_the_flow_is_asked_whether_a_turn_begins_now_and_then():
     assert beginning.trust(FlowingSurface(None), Body(BOX, 0), 50.0, 0.1, 0.0) == 1.0
 
 
+@pytest.mark.parametrize(("patience", "is_asked"), [(1.0, True), (3.0, False)])
+def test_of_many_targets_the_flow_is_asked_less_often(patience, is_asked):
+    beginning, body = BeginningTurn(), Body(BOX, 0)
+    surface = FlowingSurface(flows(3.0))
+    surface.stamp_ns = round(10 * MEASURE_S * 1e9)
+    assert beginning.trust(surface, body, 50.0, 0.1, 0.0, patience) == 1.0
+    later = FlowingSurface(None)
+    later.stamp_ns = surface.stamp_ns + round(2 * MEASURE_S * 1e9)
+    assert beginning.trust(later, body, 50.0, 0.1, 0.0, patience) == (0.0 if is_asked else 1.0)
+
+
 def test_what_goes_round_without_turning_does_not_begin_to_turn(monkeypatch):
     def way(t):
         return X + 70 * np.cos(1.5 * t), Y + 40 * np.sin(1.5 * t)
