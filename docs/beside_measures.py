@@ -4,8 +4,8 @@
 
 A thing of 25 to 60 px that moves, and a second box that has 5 to 45 % of its width or height, or of both, in common
 with it: "stray" is somebody's box round nothing but what lies behind, before a camera that slides; "another" is round a
-second thing, which moves another way. A line for each kind: mean IoU and share of successes of the things, and how many
-of them have an IoU of .5 at the end.
+second thing, which moves another way and counts as well. A line for each kind: mean IoU and share of successes of the
+things, and how many of them have an IoU of .5 at the end.
 """
 
 from __future__ import annotations
