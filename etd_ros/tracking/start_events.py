@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, X, Y
+from etd_ros.tracking.contour_kernels import AGE, POLARITY, Float32Array, Float64Array, X, Y
 
 EVENTS_MAX = 12_000
 """Where there are more, every second one is left out, again and again: what moves has fewer, what flickers has hundreds
@@ -51,6 +53,21 @@ class StartEvents:
         while sum(map(len, self._of_looks)) > EVENTS_MAX:
             self._of_looks = [of_look[::2] for of_look in self._of_looks]
             self._stride *= 2
+
+
+@dataclass(slots=True)
+class Reading:
+    """Events of a start, and what they tell.
+
+    Attributes:
+        collected: the events.
+        velocity: with which they agree best, as far as that is believed (pixels/s), float64, x and y.
+        agreement: how well they do.
+    """
+
+    collected: StartEvents
+    velocity: Float64Array
+    agreement: float = 0.0
 
 
 def some_of(values: Float32Array) -> Float32Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -13,7 +14,7 @@ from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_trust, stands_alone
-from etd_ros.tracking.start_events import StartEvents, as_looks_see, some_of
+from etd_ros.tracking.start_events import Reading, StartEvents, as_looks_see, some_of
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 from etd_ros.tracking.turning import Turned, turning_at_start
@@ -40,6 +41,9 @@ ALIKE_ENOUGH = 0.5
 velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
 LEFT_TRUST = ((0.3, 1.5), (0.7, 1.1))
 """The same as FAST_TRUST for the motion of what has left its box: that is faint at first."""
+SHARED_AGREES = 0.85
+"""Events in the box of another target count as well where its own agree so many times as well at the velocity of all as
+at their own."""
 LOOKS_KNOWN = 10
 GROWTH_SHARES = 0.25, 0.5, 0.75, 1.0
 """So much is tried of the growth that a flow is believed to have."""
@@ -74,7 +78,6 @@ class StartUp:
         self._body = contours.body
         self._pose_at_first = self._body.pose
         self._pose = np.array(self._pose_at_first)
-        self._velocity: Float64Array
         self._arm_px = arm_px(*self._body.size_px)
         self._motions = CoherentMotions(self._pose, self._body.size_px, contours.cell_px)
         self._looked_at_ns: int | None = None
@@ -86,12 +89,12 @@ class StartUp:
     def _begin(self, stamp_ns: int) -> None:
         """The target is in its start box at this time (ns)."""
         self._contours.stop()
-        self._body.pose, self._velocity = self._pose_at_first, np.zeros(2)
+        self._body.pose = self._pose_at_first
         self._growing_per_s = self._turning_rad_s = 0.0
         self._start_ns = self._body.stamp_ns = stamp_ns
-        self._collected = StartEvents()
+        self._own = self._every = self._read = Reading(StartEvents(), np.zeros(2))
         self._fast_looks = 0
-        self._seen_turning = self._agreement = 0.0
+        self._seen_turning = 0.0
         self._surroundings = Surroundings(self._body.box, stamp_ns, self._late_s)
 
     def begin_again(self, stamp_ns: int) -> None:
@@ -126,7 +129,7 @@ class StartUp:
     @property
     def is_new(self) -> bool:
         """Whether it has collected nothing yet."""
-        return self._collected.looks == 0
+        return self._own.collected.looks == 0
 
     @property
     def stands(self) -> bool:
@@ -148,41 +151,37 @@ class StartUp:
         x, y = body.predicted(surface.stamp_ns)
         window = surface.window(body.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
         points, count = surface.points(window, elapsed_s)
-        count = contours.own.others.leave_out(points, count, surface.stamp_ns)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
-        self._collected.take(points[:count], time_s)
-        events = self._collected.events
+        self._collect(points[:count], time_s, surface.stamp_ns)
         fitted_s = max(time_s, elapsed_s, 1e-3)
-        if len(events) >= EVENTS_MIN:
-            self._fit(events, fitted_s)
+        self._fit(fitted_s)
         has_left = self._follow_out(fitted_s)
-        if has_left:
-            events = self._collected.events
+        events = self._read.collected.events
         self._growing_per_s = self._turning_rad_s = 0.0
-        along = self._velocity
+        along = self._read.velocity
         if not has_left:
             self._take_flow(surface, events, time_s)
-        moved = math.hypot(*self._velocity.tolist(), *self._outline_px_s()) * time_s
+        moved = math.hypot(*self._read.velocity.tolist(), *self._outline_px_s()) * time_s
         is_over = (
-            (self._collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
+            (self._read.collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
             or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px))
             or time_s >= TIME_MAX_S
         )
         if is_over and self._turning_rad_s != 0 and self._is_before_what_moves_otherwise(events, along, time_s):
-            self._velocity = along
+            self._read.velocity = along
             self._growing_per_s = self._turning_rad_s = 0.0
         if is_over and not any(self._outline_px_s()):
             apart = self._apart(events, time_s)
             if apart is not None:
-                self._velocity, events = apart
-                moved = math.hypot(*self._velocity.tolist()) * time_s
+                self._read.velocity, events = apart
+                moved = math.hypot(*self._read.velocity.tolist()) * time_s
             elif moved > APART_PX:
                 # The velocity has been believed for APART_PX.
-                told = self._motions.told_apart(events, time_s, self._velocity)
-                if math.dist(told.tolist(), self._velocity.tolist()) * time_s >= DRAWN_MIN_PX:
-                    self._velocity = told
-        body.velocity = pair(self._velocity)
-        body.be_at(*pair(self._pose[:2] + self._velocity * time_s))
+                told = self._motions.told_apart(events, time_s, self._read.velocity)
+                if math.dist(told.tolist(), self._read.velocity.tolist()) * time_s >= DRAWN_MIN_PX:
+                    self._read.velocity = told
+        body.velocity = pair(self._read.velocity)
+        body.be_at(*pair(self._pose[:2] + self._read.velocity * time_s))
         contours.change_since(self._pose_at_first, self._growing_per_s, self._turning_rad_s, time_s)
         body.stamp_ns = surface.stamp_ns
         if has_left:
@@ -205,7 +204,7 @@ class StartUp:
         backdrop.see_start(events, self._pose, time_s)
         if not backdrop.is_settled or len(events) < EVENTS_MIN:
             return None
-        return self._motions.apart_from(np.array(backdrop.velocity), events, time_s, self._velocity)
+        return self._motions.apart_from(np.array(backdrop.velocity), events, time_s, self._read.velocity)
 
     def _outline_px_s(self) -> tuple[float, float]:
         """How fast its outline moves by turning and by growing (pixels/s)."""
@@ -217,7 +216,7 @@ class StartUp:
         config, body = self._contours.config, self._body
         if time_s <= 0 or self._late_s > LATE_S or self._contours.own.others.free < 1:
             return
-        place = self._pose[:2] + self._velocity * time_s
+        place = self._pose[:2] + self._read.velocity * time_s
         x, y = place.tolist()
         window, span_s = surface.window(body.box_at(x, y), FLOW_MARGIN_PX), min(time_s, START_SPAN_S)
         flows = surface.flows(window, span_s, x, y)
@@ -225,15 +224,15 @@ class StartUp:
             return
         turned = self._turned(flows, place, events, time_s, span_s) if config.angle_gain > 0 else None
         if turned is not None:
-            self._velocity, self._turning_rad_s, self._growing_per_s = turned
+            self._read.velocity, self._turning_rad_s, self._growing_per_s = turned
         elif config.scale_gain > 0:
-            self._velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
+            self._read.velocity, _, self._growing_per_s = self._grown(flows.along, place, events, time_s, span_s)
 
     def _grown(self, flow: EdgeFlow, place: Float64Array, events: Float32Array, time_s: float, span_s: float) -> Turned:
         """How the target has grown for this time (s) by the flow of its edges round a place (pixels) in the last
         `span_s`: as far as the flow is believed, and as far as its events agree the better."""
-        velocity = self._velocity
-        best, agreement = Turned(velocity, 0.0, 0.0), self._agreement
+        velocity = self._read.velocity
+        best, agreement = Turned(velocity, 0.0, 0.0), self._read.agreement
         believed = growth_trust(flow, self._arm_px, time_s)
         if believed == 0 or len(events) < EVENTS_MIN:
             return best
@@ -259,26 +258,59 @@ class StartUp:
         flow, grows = flows.turning, self._contours.config.scale_gain > 0
         growing_per_s = growth_trust(flow, self._arm_px, time_s) * flow.growing_per_s if grows else 0.0
         turned = Turned.of_flow(flow, growing_per_s, self._pose[:2], place, time_s - span_s / 2)
-        if self._motions.agreement_if(turned, events, time_s) < TURNING_AGREES * self._agreement:
+        if self._motions.agreement_if(turned, events, time_s) < TURNING_AGREES * self._read.agreement:
             return None
         self._seen_turning = rate
         return turned if before * rate > 0 else None
 
-    def _fit(self, events: Float32Array, time_s: float) -> None:
-        """The velocity with which the target's events agree best, near the one believed so far or, at first, farther
-        off where that is clearly better; by how far it can be believed."""
-        so_far = self._velocity
+    def _collect(self, points: Float32Array, time_s: float, stamp_ns: int) -> None:
+        """Collect the points of a look so long after the start (s); beside them, once some are in the boxes of other
+        targets, those as well."""
+        others = self._contours.own.others
+        every = points if others.are_far else points.copy()
+        own = points[: others.leave_out(points, len(points), stamp_ns)]
+        if self._every is self._own and len(own) < len(every):
+            self._every = copy.deepcopy(self._own)
+        self._own.collected.take(own, time_s)
+        if self._every is not self._own:
+            self._every.collected.take(every, time_s)
+
+    def _fit(self, time_s: float) -> None:
+        """Fit the velocity, to what is in the boxes of other targets as well unless that moves otherwise."""
+        tries_far = self._fast_looks < FAST_LOOKS
+        is_fitted = self._fit_reading(self._own, time_s, tries_far=tries_far)
+        if self._every is not self._own:
+            is_fitted = self._fit_reading(self._every, time_s, tries_far=tries_far)
+        self._fast_looks += is_fitted
+        self._read = self._every if self._others_go_along(time_s) else self._own
+
+    def _fit_reading(self, reading: Reading, time_s: float, *, tries_far: bool) -> bool:
+        """The velocity with which events agree best, near the one believed so far or, if that is tried, farther off
+        where that is clearly better; by how far it can be believed. Whether there are enough of them."""
+        events, so_far = reading.collected.events, reading.velocity
+        if len(events) < EVENTS_MIN:
+            return False
         best = self._motions.near(events, time_s, so_far)
-        if self._fast_looks < FAST_LOOKS:
-            self._fast_looks += 1
+        if tries_far:
             far = self._motions.farther_off(events, time_s, so_far, best)
             best = far if far.is_clearly_better(best, FAST_TRUST) else best
-        self._velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
-        self._agreement = best.agreement
+        reading.velocity = min(1.0, max(0.0, best.alike) / ALIKE_ENOUGH) * best.velocity
+        reading.agreement = best.agreement
+        return True
+
+    def _others_go_along(self, time_s: float) -> bool:
+        """Whether what is in the boxes of other targets does not move otherwise than the target: its own events agree
+        about as well at the velocity of all. Somebody's box may be round nothing but what lies behind; without the
+        edges of the target that are in it, its own events may agree at any velocity."""
+        own = self._own.collected.events
+        if self._every is self._own or len(own) < EVENTS_MIN:
+            return True
+        shared = self._motions.best_of(own, time_s, self._every.velocity[None])
+        return shared.agreement >= SHARED_AGREES * self._own.agreement
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
-        believed = self._velocity
+        believed = self._read.velocity
         candidates = self._surroundings.velocities(believed, time_s)
         if len(candidates) == 0:
             return False
@@ -296,9 +328,10 @@ class StartUp:
         here = self._motions.best_of(some, time_s, np.stack([believed, np.zeros(2)]))
         if not left.is_clearly_better(here, LEFT_TRUST):
             return False
-        self._velocity = left.velocity
+        self._read.velocity = left.velocity
         # What was collected where it was believed is not of it.
-        self._collected.replace(events)
+        self._read.collected.replace(events)
+        self._own = self._every = self._read
         return True
 
     def _finish(self, events: Float32Array, moved_px: float, surface: TimeSurface) -> None:
@@ -310,11 +343,11 @@ class StartUp:
         seen = as_looks_see(events, window_s)
         motion = body.motion
         if around_px_s != 0:
-            turned = Turned(self._velocity, self._turning_rad_s, self._growing_per_s)
+            turned = Turned(self._read.velocity, self._turning_rad_s, self._growing_per_s)
             seen, motion = turned.undone(seen, self._pose[:2]), np.zeros(4)
             body.take_shape(seen[:, :2] - self._pose[:2])
         elif not body.is_fast and stands_alone(surface, body.box, window_s, SHAPE_AROUND_MAX):
-            body.take_shape(Turned(self._velocity, 0.0, 0.0).from_middle(seen, self._pose[:2]))
+            body.take_shape(Turned(self._read.velocity, 0.0, 0.0).from_middle(seen, self._pose[:2]))
         splat(seen, len(seen), self._pose, contours.cell_px, motion, contours.drawn)
         outline = np.array([right, down, around_px_s, outward_px_s])
         direction = outline / speed_px_s if speed_px_s > 1e-6 else np.zeros(4)
