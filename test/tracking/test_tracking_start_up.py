@@ -8,6 +8,7 @@ from tracked_scenes import HEIGHT, START_NS, WIDTH, frames_of, overlap, scene_of
 
 from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
+from etd_ros.simulation.textures import checks
 from etd_ros.tracking import ContourConfig, MultiTracker
 from etd_ros.tracking.coherent_motions import CoherentMotions
 from etd_ros.tracking.contours import Contours
@@ -106,3 +107,56 @@ def test_a_start_is_not_corrected_by_less_than_its_velocity_strays(monkeypatch, 
             break
     (told,) = corrected
     assert np.array_equal(contours.body.velocity, told) == is_taken
+
+
+VELOCITY = 120.0, 0.0
+BESIDE = Box(150, 82, 36, 36)
+"""It reaches over the right third of the thing that `started_beside` starts."""
+
+
+def started_beside(velocity_px_s, *, counts_all=None, monkeypatch=None):
+    """The start of a checked square beside another target that has a box and moves so; nothing is in that box if it
+    stands."""
+    if counts_all is not None:
+        monkeypatch.setattr(StartUp, "_others_go_along", lambda *_: counts_all)
+    way = Waypoint(0, 140, 100), Waypoint(0.3, 140 + 0.3 * VELOCITY[0], 100)
+    scene = scene_of(*way, duration_s=0.3)
+    right, down = velocity_px_s
+    if any(velocity_px_s):
+        (x, y), picture = BESIDE.center, checks(np.random.default_rng(1), 36, 36, cell=6)
+        other = Path([Waypoint(0, x, y), Waypoint(0.3, x + 0.3 * right, y + 0.3 * down)])
+        scene = Scene(
+            WIDTH, HEIGHT, 0.3, scene.background, (*scene.sprites, Sprite("other", picture, picture > 0, other))
+        )
+    contours = Contours(scene.box("thing", 0.0), START_NS, ContourConfig())
+    start, surface = StartUp(contours), TimeSurface(WIDTH, HEIGHT)
+    for frame in frames_of(scene):
+        surface.take(frame.stamp_ns, frame.data, frame.start_ns)
+        time_s = (frame.stamp_ns - START_NS) * 1e-9
+        box = Box(BESIDE.x + right * time_s, BESIDE.y + down * time_s, BESIDE.w, BESIDE.h)
+        contours.own.others.note(np.array([[*box, right, down]]), 0.7, frame.stamp_ns)
+        if start.take(surface, contours.keep(surface)):
+            break
+    return start, math.dist(contours.body.velocity, VELOCITY)
+
+
+def test_the_events_of_a_target_in_a_box_round_nothing_count_for_its_start():
+    start, off_px_s = started_beside((0.0, 0.0))
+    assert start._read is start._every
+    assert len(start._own.collected.events) < 0.9 * len(start._every.collected.events)
+    assert off_px_s < 15.0
+
+
+@pytest.mark.parametrize("velocity_px_s", [(-100.0, -100.0), (-200.0, 0.0)])
+def test_the_events_of_another_target_that_moves_otherwise_do_not_count_for_a_start(monkeypatch, velocity_px_s):
+    start, off_px_s = started_beside(velocity_px_s)
+    assert start._read is start._own
+    _, if_all_counted_px_s = started_beside(velocity_px_s, counts_all=True, monkeypatch=monkeypatch)
+    assert off_px_s < 0.3 * if_all_counted_px_s
+
+
+def test_a_start_that_no_other_box_reaches_into_has_one_reading():
+    contours = Contours(Box(100, 70, 20, 20), 0, ContourConfig())
+    start = StartUp(contours)
+    start._collect(np.ones((30, 4), np.float32), 0.01, 10_000_000)
+    assert start._every is start._own is start._read
