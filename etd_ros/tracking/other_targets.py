@@ -82,6 +82,11 @@ class OtherBoxes:
         """Whether none of them is near."""
         return len(self._moving) == 0
 
+    @property
+    def velocities(self) -> Float64Array:
+        """How those near it move (pixels/s), shape (boxes, 2)."""
+        return self._moving[:, 4:]
+
     def leave_out(self, points: Float32Array, count: int, stamp_ns: int) -> int:
         """Keep the points of a time (ns), in place, that lie in none of the others where these were then; how many they
         are."""

@@ -15,7 +15,7 @@ from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_trust, stands_alone
 from etd_ros.tracking.start_events import Reading, StartEvents, as_looks_see, some_of
-from etd_ros.tracking.surface import TimeSurface
+from etd_ros.tracking.surface import TimeSurface, Window
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
 from etd_ros.tracking.turning import Turned, turning_at_start
 
@@ -41,9 +41,9 @@ ALIKE_ENOUGH = 0.5
 velocity is the best also where none is right, as for a lamp that is brighter in one part and darker in the next."""
 LEFT_TRUST = ((0.3, 1.5), (0.7, 1.1))
 """The same as FAST_TRUST for the motion of what has left its box: that is faint at first."""
-SHARED_AGREES = 0.85
+SHARED_AGREES, SHARED_APART_PX = 0.85, 2.5
 """Events in the box of another target count as well where its own agree so many times as well at the velocity of all as
-at their own."""
+at their own, if that is so far from each other's (at the end of the motion)."""
 LOOKS_KNOWN = 10
 GROWTH_SHARES = 0.25, 0.5, 0.75, 1.0
 """So much is tried of the growth that a flow is believed to have."""
@@ -148,10 +148,8 @@ class StartUp:
     def _look(self, surface: TimeSurface, elapsed_s: float) -> bool:
         """Take the events of this time (s); whether the start is over and the model is known."""
         contours, body = self._contours, self._body
-        x, y = body.predicted(surface.stamp_ns)
-        window = surface.window(body.box_at(x, y).scaled(GRID_MARGIN), contours.config.search_radius + 2)
-        points, count = surface.points(window, elapsed_s)
         time_s = (surface.stamp_ns - self._start_ns) * 1e-9
+        points, count = surface.points(self._window(surface, time_s), elapsed_s)
         self._collect(points[:count], time_s, surface.stamp_ns)
         fitted_s = max(time_s, elapsed_s, 1e-3)
         self._fit(fitted_s)
@@ -164,7 +162,7 @@ class StartUp:
         moved = math.hypot(*self._read.velocity.tolist(), *self._outline_px_s()) * time_s
         is_over = (
             (self._read.collected.looks >= LOOKS and moved >= MOTION_MIN_PX)
-            or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px))
+            or (moved >= MOTION_MAX_PX and len(events) >= sum(body.size_px) and not self._is_disputed(time_s))
             or time_s >= TIME_MAX_S
         )
         if is_over and self._turning_rad_s != 0 and self._is_before_what_moves_otherwise(events, along, time_s):
@@ -263,6 +261,15 @@ class StartUp:
         self._seen_turning = rate
         return turned if before * rate > 0 else None
 
+    def _window(self, surface: TimeSurface, time_s: float) -> Window:
+        """Where the target and what is round it may be so long after the start (s), by each reading."""
+        windows = []
+        for reading in (self._own, self._every):
+            box = self._body.box_at(*pair(self._pose[:2] + reading.velocity * time_s)).scaled(GRID_MARGIN)
+            windows.append(surface.window(box, self._contours.config.search_radius + 2))
+        tops, bottoms, lefts, rights = zip(*windows, strict=True)
+        return min(tops), max(bottoms), min(lefts), max(rights)
+
     def _collect(self, points: Float32Array, time_s: float, stamp_ns: int) -> None:
         """Collect the points of a look so long after the start (s); beside them, once some are in the boxes of other
         targets, those as well."""
@@ -298,15 +305,22 @@ class StartUp:
         reading.agreement = best.agreement
         return True
 
+    def _is_disputed(self, time_s: float) -> bool:
+        """Whether its own events and all say otherwise how it moves: more of them tell who is right."""
+        return math.dist(self._own.velocity.tolist(), self._every.velocity.tolist()) * time_s >= SHARED_APART_PX
+
     def _others_go_along(self, time_s: float) -> bool:
         """Whether what is in the boxes of other targets does not move otherwise than the target: its own events agree
-        about as well at the velocity of all. Somebody's box may be round nothing but what lies behind; without the
-        edges of the target that are in it, its own events may agree at any velocity."""
-        own = self._own.collected.events
+        better at the velocity of all, or about as well at one that is none of the others'. Somebody's box may be round
+        nothing but what lies behind; without the edges of the target that are in it, its own events may agree at any
+        velocity."""
+        own, velocity = self._own.collected.events, self._every.velocity
         if self._every is self._own or len(own) < EVENTS_MIN:
             return True
-        shared = self._motions.best_of(own, time_s, self._every.velocity[None])
-        return shared.agreement >= SHARED_AGREES * self._own.agreement
+        shared = self._motions.best_of(own, time_s, velocity[None])
+        from_others_px = np.hypot(*(self._contours.own.others.velocities - velocity).T) * time_s
+        agrees = SHARED_AGREES if (from_others_px >= SHARED_APART_PX).all() else 1.0
+        return shared.agreement >= agrees * self._own.agreement
 
     def _follow_out(self, time_s: float) -> bool:
         """Take the velocity of what has left the box, if something has; its events are those of the start then."""
