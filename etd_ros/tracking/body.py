@@ -110,7 +110,7 @@ class Body:
             return self.velocity
         shortest_s, longest_s = VELOCITY_S
         average_s = min(max(VELOCITY_PX / max(self.speed_px_s, 1e-3), shortest_s), longest_s)
-        (here_x, here_y, _, _) = self.pose
+        here_x, here_y, _, _ = self.pose
         last = (x - here_x) / elapsed_s, (y - here_y) / elapsed_s
         return nearer(self.velocity, last, elapsed_s / (elapsed_s + average_s))
 

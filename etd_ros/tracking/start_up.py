@@ -261,10 +261,15 @@ class StartUp:
         self._seen_turning = rate
         return turned if before * rate > 0 else None
 
+    @property
+    def _readings(self) -> tuple[Reading, ...]:
+        """Its own events, and all, once they differ."""
+        return (self._own,) if self._every is self._own else (self._own, self._every)
+
     def _window(self, surface: TimeSurface, time_s: float) -> Window:
         """Where the target and what is round it may be so long after the start (s), by each reading."""
         windows = []
-        for reading in (self._own, self._every):
+        for reading in self._readings:
             box = self._body.box_at(*pair(self._pose[:2] + reading.velocity * time_s)).scaled(GRID_MARGIN)
             windows.append(surface.window(box, self._contours.config.search_radius + 2))
         tops, bottoms, lefts, rights = zip(*windows, strict=True)
@@ -285,10 +290,8 @@ class StartUp:
     def _fit(self, time_s: float) -> None:
         """Fit the velocity, to what is in the boxes of other targets as well unless that moves otherwise."""
         tries_far = self._fast_looks < FAST_LOOKS
-        is_fitted = self._fit_reading(self._own, time_s, tries_far=tries_far)
-        if self._every is not self._own:
-            is_fitted = self._fit_reading(self._every, time_s, tries_far=tries_far)
-        self._fast_looks += is_fitted
+        fitted = [self._fit_reading(reading, time_s, tries_far=tries_far) for reading in self._readings]
+        self._fast_looks += any(fitted)
         self._read = self._every if self._others_go_along(time_s) else self._own
 
     def _fit_reading(self, reading: Reading, time_s: float, *, tries_far: bool) -> bool:
