@@ -171,8 +171,9 @@ def nzge_png(curve: NzgeCurve, title: str) -> bytes:
 
 
 def overlap_png(overlaps: Mapping[str, TargetOverlap], title: str) -> bytes:
-    """A PNG of the overlap with the truth over time, a panel a target with its AP and AR, and the times shaded during
-    which the target was being recovered or lost. Times are seconds since the first label or state of any target.
+    """A PNG of the overlap with the truth over time, a panel a target with its AP and AR (and the name of a track that
+    was matched with it), and the times shaded during which the target was being recovered or lost. Times are seconds
+    since the first label or state of any target.
 
     Raises:
         PlotError: Matplotlib is missing, or there is no target, or more than 64.
@@ -213,7 +214,8 @@ def _plot_overlap(axes: Any, name: str, overlap: TargetOverlap, origin_ns: int) 
     axes.set(ylim=(-0.03, 1.03), yticks=(0, 0.5, 1))
     axes.spines[["top", "right"]].set_visible(False)
     axes.margins(x=0.01)
-    axes.set_title(f"{name}   AP {overlap.score.ap:.3f}   AR {overlap.score.ar:.3f}", fontsize=10, loc="left")
+    heading, of_target = overlap.heading(name), overlap.score
+    axes.set_title(f"{heading}   AP {of_target.ap:.3f}   AR {of_target.ar:.3f}", fontsize=10, loc="left")
 
 
 def _gaps(stamps_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:

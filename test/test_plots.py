@@ -98,6 +98,13 @@ def test_scores_and_names_are_written():
     assert (one != better).any()
 
 
+def test_the_name_of_a_matched_track_is_written_beside_that_of_the_labels():
+    named, matched = (pixels({"a": dataclasses.replace(overlap(), matched=track)}) for track in ("", "auto_1"))
+    assert (named != matched).any()
+    alone = pixels({"a (auto_1)": overlap()})
+    assert (alone == matched).all()
+
+
 def test_no_targets_or_too_many_are_refused():
     for count in (0, 65):
         with pytest.raises(PlotError, match=f"{count} targets"):

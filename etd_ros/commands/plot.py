@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow, read_boxes, read_tracks
-from etd_ros.evaluation.overlaps import overlaps
+from etd_ros.evaluation.matching import matched_overlaps
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.plots import check_matplotlib, overlap_png
 
@@ -37,11 +37,13 @@ def run(options: argparse.Namespace) -> int:
     check_pictures(options.output)
     check_matplotlib()
     tracks, truth = read_tracks(options.tracks), read_boxes(options.boxes)
-    _check_comparable(options, tracks, truth)
-    of_targets = overlaps(tracks, truth)
+    of_targets = matched_overlaps(tracks, truth)
+    if not any(overlap.matched for overlap in of_targets.values()):
+        _check_comparable(options, tracks, truth)
     write_beside(options.output, overlap_png(of_targets, options.tracks.name))
     for name, overlap in of_targets.items():
-        print(f"{name}: AP {overlap.score.ap:.3f}, AR {overlap.score.ar:.3f} at {overlap.score.n} labelled times")
+        of_target = overlap.score
+        print(f"{overlap.heading(name)}: AP {of_target.ap:.3f}, AR {of_target.ar:.3f} at {of_target.n} labelled times")
     return 0
 
 
@@ -49,13 +51,14 @@ def _check_comparable(options: argparse.Namespace, tracks: Tracks, truth: Truth)
     """Refuse files of two recordings, whose score would be 0 without a word.
 
     Raises:
-        EvaluationError: they name no target in common, or are of times that do not overlap.
+        EvaluationError: they name no target in common, or are of times that do not overlap. Not to be asked where
+            tracks of other names overlap with the boxes.
     """
     common = tracks.keys() & truth.keys()
     if not common:
         msg = (
-            f"{options.tracks} and {options.boxes} name no target in common ({_some(tracks)}; {_some(truth)}): give "
-            "the boxes of the same recording, and start the targets by the names that they have there"
+            f"{options.tracks} and {options.boxes} name no target in common ({_some(tracks)}; {_some(truth)}), and no "
+            "boxes of theirs overlap: give the boxes of the same recording, on the same clock"
         )
         raise EvaluationError(msg)
     if not any(_meet(tracks[name], truth[name]) for name in common):

@@ -14,7 +14,8 @@ import yaml
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.tracking_steps import TrackedStep, compared_steps, engine_steps
 from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
-from etd_ros.evaluation.overlaps import overlaps
+from etd_ros.evaluation.matching import matched_overlaps
+from etd_ros.evaluation.overlaps import TargetOverlap
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.overlay import OverlayError
 from etd_ros.parameters import ParameterError
@@ -70,7 +71,8 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "--plot",
         type=Path,
         metavar="P.png",
-        help="plot the overlap over time with the boxes of --truth, or those of --targets at later times",
+        help="plot the overlap over time with the boxes of --truth, or those of --targets at later times; targets of "
+        "other names, as auto_1, are held against the labelled ones that they overlap most",
     )
     parser.add_argument(
         "--rerun",
@@ -116,7 +118,8 @@ def run(options: argparse.Namespace) -> int:
             "or --auto"
         )
         raise TargetError(msg)
-    plotted = _plotted_truth(options, {target.name for target in targets}) if options.plot else None
+    names = {target.name for target in targets}
+    plotted = _plotted_truth(options, names) if options.plot else None
     with ExitStack() as stack:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
@@ -150,7 +153,7 @@ def run(options: argparse.Namespace) -> int:
             _tell_late([*targets, *clicks], last_step.stamp_ns, is_auto=options.auto)
             _tell_in_vain(clicks, last_step)
     if plotted is not None:
-        of_targets = overlaps(read_tracks(options.output), plotted)
+        of_targets = _plotted_overlaps(options, plotted, names)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
     return 0
 
@@ -200,21 +203,45 @@ def _video(options: argparse.Namespace, truth: Truth | None) -> AbstractContextM
 
 
 def _plotted_truth(options: argparse.Namespace, names: Collection[str]) -> Truth:
-    """The labels of the targets that are tracked, as far as there are any after the start.
+    """The labels of all targets, some of them after the start of one that is tracked or may be matched with a track.
 
     Raises:
         EvaluationError: there are none.
     """
     file = options.truth or options.targets
     truth = read_boxes(file) if file else {}
-    plotted = {name: labels for name, labels in truth.items() if name in names and len(labels) > 1}
-    if not plotted:
+    labelled = {name for name, labels in truth.items() if len(labels) > 1}
+    may_match = options.auto or options.click or not truth.keys() >= set(names)
+    if not (labelled if may_match else labelled.intersection(names)):
         msg = (
-            f"{file or '--plot'}: no target has boxes to be held against: give --truth BOXES.csv with the names of the "
-            "targets and boxes at several times"
+            f"{file or '--plot'}: no target has boxes to be held against: give --truth BOXES.csv with boxes of the "
+            "targets at several times"
         )
         raise EvaluationError(msg)
-    return plotted
+    return truth
+
+
+def _plotted_overlaps(options: argparse.Namespace, truth: Truth, names: Collection[str]) -> dict[str, TargetOverlap]:
+    """How the written tracks overlap with the labels: of the targets that were given by these names, and of those that
+    a track is matched with; with `--auto` of all, as whatever moves was to be found. A track whose own target has one
+    label only is not matched with another's.
+
+    Raises:
+        EvaluationError: no track is of a labelled target.
+    """
+    labelled = {name: labels for name, labels in truth.items() if len(labels) > 1}
+    tracks = read_tracks(options.output)
+    judged = {name: rows for name, rows in tracks.items() if name in labelled or name not in truth}
+    of_all = matched_overlaps(judged, labelled)
+    of_tracked = {name: of for name, of in of_all.items() if of.matched or name in tracks or name in names}
+    if not of_tracked:
+        msg = (
+            f"{options.truth or options.targets}: no tracked target has boxes to be held against, by its name or by "
+            f"overlap ({options.output} is written, {options.plot} is not): give the boxes of the same recording, on "
+            "the same clock"
+        )
+        raise EvaluationError(msg)
+    return of_all if options.auto else of_tracked
 
 
 def read_settings(config: Path | None, assignments: Sequence[str]) -> Settings:

@@ -37,12 +37,18 @@ class TargetOverlap:
         values: IoU at each of them with the last row at or before it, float64, shape (n,).
         spells: the states that the target went through, in order; none where the tracks have no states.
         score: mean of the values, and the share of successes.
+        matched: the track's name where it was found by its overlap; empty where it is that of the labels.
     """
 
     stamps_ns: npt.NDArray[np.int64]
     values: npt.NDArray[np.float64]
     spells: tuple[Spell, ...]
     score: Score
+    matched: str = ""
+
+    def heading(self, name: str) -> str:
+        """The labelled target's name, and that of the track where it is another: `car_1 (auto_2)`."""
+        return f"{name} ({self.matched})" if self.matched else name
 
 
 def overlaps(

@@ -192,6 +192,41 @@ def test_the_plot_of_written_tracks_is_that_of_tracking_with_the_scores_beside_i
     assert capsys.readouterr().out == f"thing: AP {found.ap:.3f}, AR {found.ar:.3f} at 9 labelled times\n"
 
 
+def test_a_target_of_another_name_is_plotted_against_the_boxes_that_it_overlaps(tmp_path):
+    truth = ["--truth", whole_boxes(tmp_path)[1]]
+    other = ["--target", "other:10,10,20,20"]
+    tracks_of(tmp_path, *other, *truth, "--plot", str(tmp_path / "tracked.png"))
+    plot = ["plot", str(tmp_path / "tracks.csv"), truth[1], "--output", str(tmp_path / "plotted.png")]
+    assert main(plot) == 0
+    tracked, plotted = (cv2.imread(str(tmp_path / name)) for name in ("tracked.png", "plotted.png"))
+    np.testing.assert_array_equal(tracked[40:], plotted[40:])
+
+
+def test_tracks_that_no_boxes_belong_to_are_written_but_not_plotted(tmp_path, capsys):
+    truth, bag = whole_boxes(tmp_path)[1], command_bags.sound(tmp_path / "bag")
+    tracks, plot = tmp_path / "tracks.csv", tmp_path / "plot.png"
+    arguments = ["track", str(bag), "--target", "far:44,44,9,9@1000000000", "--method", "etd-ftw", "--truth", truth]
+    assert main([*arguments, "--output", str(tracks), "--plot", str(plot)]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("etd_ros: ")]
+    for word in (
+        "boxes.csv: no tracked target has boxes to be held against",
+        "tracks.csv is written",
+        "the same clock",
+    ):
+        assert word in line
+    assert "far" in read_tracks(tracks)
+    assert not plot.exists()
+
+
+def test_targets_with_a_single_label_of_their_own_are_refused_before_the_work(place, tmp_path, capsys):
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text("target,stamp_ns,x,y,w,h\nthing,1,10,10,20,20\nother,1,10,10,20,20\nother,2,10,10,20,20\n")
+    arguments = ["track", str(command_bags.sound(tmp_path / "bag")), "--target", "thing:10,10,20,20"]
+    assert main([*arguments, "--truth", str(boxes), "--plot", "plot.png", "--output", "tracks.csv"]) == 2
+    assert "at several times" in capsys.readouterr().err
+    assert list(place.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -228,8 +263,10 @@ def test_tracking_is_reproducible(tmp_path):
 
 def test_moving_objects_are_tracked_without_any_target_given(repository, tmp_path):
     output = tmp_path / "tracks.csv"
-    assert main(["track", str(repository / "bags" / "demo"), "--auto", "--output", str(output)]) == 0
-    truth = read_boxes(repository / "bags" / "demo" / "boxes.csv")
+    boxes, plot = repository / "bags" / "demo" / "boxes.csv", tmp_path / "plot.png"
+    pictures = ["--truth", str(boxes), "--plot", str(plot)]
+    assert main(["track", str(boxes.parent), "--auto", "--output", str(output), *pictures]) == 0
+    truth = read_boxes(boxes)
     tracks = read_tracks(output)
     assert tracks
     assert set(tracks) == {f"auto_{number}" for number in range(1, len(tracks) + 1)}
@@ -240,6 +277,9 @@ def test_moving_objects_are_tracked_without_any_target_given(repository, tmp_pat
         if score({name: rows}, {name: labels})[name].ar > 0.3
     }
     assert found
+    assert cv2.imread(str(plot)).shape[0] == pytest.approx(110 * (1 + 1.55 * len(truth)), abs=1), (
+        "a panel for each label"
+    )
 
 
 def test_a_target_after_the_recording_is_told_and_the_others_are_tracked(tmp_path, capsys):
