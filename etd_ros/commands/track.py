@@ -34,10 +34,11 @@ from etd_ros.targets import (
     targets_from_file,
     unique_targets,
 )
-from etd_ros.tracking import DEFAULT_METHOD, Click
+from etd_ros.tracking import DEFAULT_METHOD, METHODS, Click
 from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
 Truth = Mapping[str, Sequence[TimedBox]]
+PROPOSERS = ", ".join(name for name, method in METHODS.items() if not method.contours)
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -65,7 +66,9 @@ def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         help=f"also write a video of frames, boxes and states: {FPS} pictures/s in real time, each of the newest frame",
     )
     parser.add_argument("--slow", type=float, default=1.0, metavar="FACTOR", help="slow the video (default: 1)")
-    parser.add_argument("--proposals", action="store_true", help="draw proposals into the video")
+    parser.add_argument(
+        "--proposals", action="store_true", help=f"draw proposals into the video (of {PROPOSERS}; others make none)"
+    )
     parser.add_argument("--truth", type=Path, metavar="BOXES.csv", help="draw these boxes into the video, in grey")
     parser.add_argument(
         "--plot",
@@ -120,6 +123,7 @@ def run(options: argparse.Namespace) -> int:
         raise TargetError(msg)
     names = {target.name for target in targets}
     plotted = _plotted_truth(options, names) if options.plot else None
+    _tell_no_proposals(options)
     with ExitStack() as stack:
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
@@ -156,6 +160,15 @@ def run(options: argparse.Namespace) -> int:
         of_targets = _plotted_overlaps(options, plotted, names)
         write_beside(options.plot, overlap_png(of_targets, f"{options.recording.name}, {options.method}"))
     return 0
+
+
+def _tell_no_proposals(options: argparse.Namespace) -> None:
+    """Say that the method makes none of the proposals that are to be drawn."""
+    if options.proposals and METHODS[options.method].contours:
+        print(
+            f"--proposals: {options.method!r} makes no proposals, so none are drawn: choose one of {PROPOSERS}",
+            file=sys.stderr,
+        )
 
 
 def _tell_late(starts: Sequence[TargetStart | Click], last_frame_ns: int, *, is_auto: bool) -> None:

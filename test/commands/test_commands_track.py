@@ -227,6 +227,15 @@ def test_targets_with_a_single_label_of_their_own_are_refused_before_the_work(pl
     assert list(place.iterdir()) == []
 
 
+@pytest.mark.parametrize(("method", "is_told"), [("etd-plus", True), ("etd-ftw", False)])
+def test_a_method_without_proposals_says_that_none_are_drawn(tmp_path, capsys, method, is_told):
+    options = ("--method", method, "--video", str(tmp_path / "video.mp4"), "--proposals")
+    tracks_of(tmp_path, "--target", "thing:10,10,20,20", *options)
+    told = [line for line in capsys.readouterr().err.splitlines() if "proposals" in line]
+    line = "--proposals: 'etd-plus' makes no proposals, so none are drawn: choose one of etd, etd-nr, etd-ftw"
+    assert told == ([line] if is_told else [])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
