@@ -11,9 +11,11 @@ import torch
 from torch import Tensor, nn
 
 from etd_ros.recovery.interface import RecoveryError
-from etd_ros.recovery.weights_file import load_pickle
+from etd_ros.recovery.weights_file import load_plain
 
 FILE_BYTES_MAX = 1 << 30
+NUMBERS = (torch.float16, torch.bfloat16, torch.float32, torch.float64, torch.int64)
+"""Types of weights, and of the counter of batches; not those of 8 bits, of which torch cannot tell what is finite."""
 
 
 class Origin(NamedTuple):
@@ -33,10 +35,10 @@ class Origin(NamedTuple):
 
 
 def published_state(path: Path, origin: Origin) -> dict[str, Tensor]:
-    """Tensors by name; no code in the file is run.
+    """Tensors by name, of a file in torch's or, if it is named so, in safetensors' format; no code in it is run.
 
     Raises:
-        RecoveryError: no readable file, or not a file of weights.
+        RecoveryError: no readable file, not a file of weights, or this torch is no protection from code in it.
     """
     if not path.is_file() or not os.access(path, os.R_OK):
         named = f"recovery.{origin.parameter}"
@@ -46,10 +48,12 @@ def published_state(path: Path, origin: Origin) -> dict[str, Tensor]:
         msg = f"{path}: {path.stat().st_size >> 20} MiB are too many for {origin.network}: give {origin.file}"
         raise RecoveryError(msg)
     try:
-        loaded = load_pickle(path)
+        loaded = load_plain(path)
     except pickle.UnpicklingError as err:
-        reason = " ".join(str(err).split())[:80]
-        msg = f"{path}: not a file of plain weights ({reason}...): get {origin.network}'s {origin.file} again"
+        msg = (
+            f"{path}: not a file of plain weights ({err}): download {origin.network}'s {origin.file} again, or give "
+            f"{origin.others}"
+        )
         raise RecoveryError(msg) from err
     weights = loaded if isinstance(loaded, dict) else {}
     if not weights or not all(isinstance(name, str) and _is_plain(value) for name, value in weights.items()):
@@ -85,4 +89,4 @@ def _is_plain(value: object) -> bool:
     """Whether something is a tensor whose numbers are all there, neither sparse, nor quantised, nor without memory."""
     if not isinstance(value, Tensor) or value.layout is not torch.strided or value.is_quantized:
         return False
-    return value.device.type == "cpu" and (value.is_floating_point() or value.dtype == torch.int64)
+    return value.device.type == "cpu" and value.dtype in NUMBERS

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import pickle
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
+from safetensors.torch import load_file, save
 from torch import nn
 
 from etd_ros.recovery.compact import Compact
@@ -24,25 +25,68 @@ COMPACT = "etd_ros compact 2"
 HEADER_START = ALIGNMENT = 8
 """Of a safetensors file (bytes): its header's length, then the header, filled up with spaces, then the numbers."""
 
+ARCHIVE_MAGIC, PICKLE_MAGIC = b"PK", b"\x80"
+"""How files in torch's own format begin: an archive, or a pickle, as before torch 1.6."""
+BLANKS = b"\xef\xbb\xbf \t\r\n"
+"""What may stand before the first tag of a web page: the mark of UTF-8, spaces."""
+
 PICKLES_SAFE_FROM = "2.6"
 """Of torch: before, a file could run code in spite of `weights_only` (CVE-2025-32434)."""
+
+
+def load_plain(path: Path) -> Any:
+    """What a file holds: in safetensors' format where its name says so, else in torch's own.
+
+    Raises:
+        pickle.UnpicklingError, RecoveryError: as `load_pickle`.
+    """
+    if path.suffix != SHIPPED.suffix:
+        return load_pickle(path)
+    try:
+        return load_file(path)
+    # As well as its own error, what it makes of types of numbers that this torch does not know.
+    except Exception as err:
+        msg = "it is no readable safetensors file"
+        raise pickle.UnpicklingError(msg) from err
 
 
 def load_pickle(path: Path, device: torch.device | str = "cpu") -> Any:
     """What a file in torch's own format holds, tensors on `device`.
 
     Raises:
-        pickle.UnpicklingError: it cannot be read, holds more than plain weights, or this torch is no protection from
-            code in it.
+        pickle.UnpicklingError: it cannot be read, or holds more than plain weights; says why in a few words.
+        RecoveryError: this torch is no protection from code in it.
     """
     if torch.__version__ < PICKLES_SAFE_FROM:
-        msg = f"torch {torch.__version__} may run code that hides in it: pip install 'torch>={PICKLES_SAFE_FROM}'"
-        raise pickle.UnpicklingError(msg)
+        msg = (
+            f"{path}: torch {torch.__version__} may run code that hides in it: pip install 'torch>={PICKLES_SAFE_FROM}'"
+        )
+        raise RecoveryError(msg)
     try:
-        return torch.load(path, map_location=device, weights_only=True)
-    # Whatever a damaged file makes of the reader: it is refused, with its reason.
-    except (OSError, RuntimeError, ValueError, EOFError, KeyError, TypeError, AttributeError, IndexError) as err:
-        raise pickle.UnpicklingError(err) from err
+        # Opened here: torch 2.13 goes by the name, and reads what is called .safetensors in another way.
+        with path.open("rb") as file, warnings.catch_warnings():
+            # It warns of odd pickles; what is wrong with a file is one line, of who asked for it.
+            warnings.simplefilter("ignore", UserWarning)
+            return torch.load(file, map_location=device, weights_only=True)
+    # Whatever a damaged file makes of the reader. Torch's own words would tell how to load it with what hides in it.
+    except Exception as err:
+        raise pickle.UnpicklingError(_what_is_wrong(path)) from err
+
+
+def _what_is_wrong(path: Path) -> str:
+    """With a file that torch cannot load as plain weights."""
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(256).lstrip(BLANKS)
+    except OSError as err:
+        return err.strerror or "it cannot be read"
+    if not beginning:
+        return "it is empty"
+    if beginning.startswith(b"<"):
+        return "it is a web page"
+    if beginning.startswith((ARCHIVE_MAGIC, PICKLE_MAGIC)):
+        return "it is damaged, or holds more than weights"
+    return "it is not in torch's format"
 
 
 def save_compact(network: Compact, path: Path, about: Mapping[str, str]) -> None:

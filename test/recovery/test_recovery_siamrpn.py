@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 from torch.torch_version import TorchVersion
 
 from etd_ros.boxes import Box
 from etd_ros.recovery import RecoveryConfig, RecoveryError, make_recovery
 from etd_ros.recovery.siamrpn import ANCHORS, SiamRpn, as_bgr, boxes_of, load_siamrpn
+from etd_ros.recovery.weights_file import SHIPPED
 
 OFFICIAL_SHAPES = {
     "featureExtract.0.weight": (96, 3, 11, 11),
@@ -105,6 +107,57 @@ def test_cut_off_files_are_refused(model, tmp_path, share):
         load_siamrpn(path)
 
 
+def test_a_file_that_is_cut_or_changed_at_any_byte_is_refused(tmp_path):
+    path = tmp_path / "small.model"
+    torch.save({"conv_r1.weight": torch.zeros(2, 2)}, path, _use_new_zipfile_serialization=False)
+    content = path.read_bytes()
+    for place, byte in enumerate(content):
+        for damaged in (content[:place], content[:place] + bytes([byte ^ 1]) + content[place + 1 :]):
+            path.write_bytes(damaged)
+            with pytest.raises(RecoveryError, match=r"small\.model: "):
+                load_siamrpn(path)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "it is empty"),
+        (b"\xef\xbb\xbf\r\n<!DOCTYPE html><html></html>", "it is a web page"),
+        (b"no weights\n", "it is not in torch's format"),
+        (b"\x80\x41weights", "it is damaged, or holds more than weights"),
+        (b"PK\3\4weights", "it is damaged, or holds more than weights"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_one_line_and_no_advice_to_load_it_unsafely(tmp_path, content, reason):
+    path = tmp_path / "SiamRPNVOT.model"
+    path.write_bytes(content)
+    with pytest.raises(RecoveryError) as refused:
+        load_siamrpn(path)
+    assert str(refused.value) == (
+        f"{path}: not a file of plain weights ({reason}): download DaSiamRPN's SiamRPNVOT.model again, or give another "
+        ".model of it"
+    )
+
+
+@pytest.mark.parametrize("content", [b"", b"weights\n", b"\x20" + bytes(7) + b"{"])
+def test_a_damaged_safetensors_file_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / "junk.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(RecoveryError, match=r"junk\.safetensors: not a file of plain weights \(it is no readable safe"):
+        load_siamrpn(path)
+
+
+def test_published_weights_load_from_a_safetensors_file_but_no_others(model, tmp_path):
+    path = tmp_path / "SiamRPNVOT.safetensors"
+    state = torch.load(model, weights_only=True)
+    save_file(state, path)
+    loaded = load_siamrpn(path).state_dict()
+    assert all(torch.equal(loaded[name], value) for name, value in state.items())
+    with pytest.raises(RecoveryError, match="conv_r1.weight is of none of DaSiamRPN's networks"):
+        load_siamrpn(SHIPPED)
+
+
 class _Evil:
     def __init__(self, trace: Path) -> None:
         self._trace = trace
@@ -134,7 +187,8 @@ def test_a_torch_that_would_run_code_in_a_file_is_not_used_for_it(model, monkeyp
 def test_tensors_without_plain_numbers_are_refused(model, tmp_path):
     state = torch.load(model, weights_only=True)
     path = tmp_path / "odd.model"
-    for odd in (state["conv_r2.bias"].to_sparse(), state["conv_r2.bias"].to("meta"), state["conv_r2.bias"] > 0):
+    bias = state["conv_r2.bias"]
+    for odd in (bias.to_sparse(), bias.to("meta"), bias > 0, bias.to(torch.float8_e4m3fn)):
         torch.save({**state, "conv_r2.bias": odd}, path)
         with pytest.raises(RecoveryError, match="no weights by name"):
             load_siamrpn(path)

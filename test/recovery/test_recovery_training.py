@@ -178,8 +178,11 @@ def test_missing_damaged_and_other_checkpoints_are_refused(training, tmp_path):
         training(config=dataclasses.replace(SHORT, batch=5, seed=9)).resume()
     path = tmp_path / "out" / "checkpoint.pt"
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(TrainingError, match="no checkpoint to go on from"):
+    with pytest.raises(TrainingError) as refused:
         training().resume()
+    assert str(refused.value) == (
+        f"{path}: no checkpoint to go on from (it is damaged, or holds more than weights): train without --resume"
+    )
 
 
 class _Evil:

@@ -128,6 +128,7 @@ class Training(Generic[BatchT, TensorsT]):
 
         Raises:
             TrainingError: there is none, or it is damaged or of another configuration.
+            RecoveryError: this torch is no protection from code in it.
         """
         path = self._output / CHECKPOINT_NAME
         try:
