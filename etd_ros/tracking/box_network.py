@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from functools import cache
 from pathlib import Path
 from tokenize import TokenError
@@ -17,6 +18,7 @@ from etd_ros.tracking.errors import TrackingError
 
 UNREADABLE = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, SyntaxError, TokenError, zipfile.BadZipFile,
+    zlib.error,
 )  # fmt: skip
 """What NumPy makes of archives that are damaged in one way or another."""
 WEIGHTS = Path(__file__).parent / "weights" / "box.npz"
@@ -106,13 +108,20 @@ def read_weights(path: Path) -> dict[str, Float32Array]:
         with np.load(path, allow_pickle=False) as file:
             weights = {name: file[name].astype(np.float32) for name in weight_shapes()}
     except UNREADABLE as err:
-        msg = f"{path}: no weights of the box network ({' '.join(str(err).split())[:80]})"
+        msg = f"{path}: no weights of the box network ({_reason(err)}): name a box.npz made by `train --network box`"
         raise TrackingError(msg) from err
     for name, shape in weight_shapes().items():
         if weights[name].shape != shape or not np.isfinite(weights[name]).all():
             msg = f"{path}: weights {name} are not numbers of shape {shape}"
             raise TrackingError(msg)
     return weights
+
+
+def _reason(err: Exception) -> str:
+    """Why a file cannot be read; not always in NumPy's words, which tell how to load it with what hides in it."""
+    if isinstance(err, KeyError):
+        return " ".join(str(err).split())
+    return (isinstance(err, OSError) and err.strerror) or "it is damaged, or something else"
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)

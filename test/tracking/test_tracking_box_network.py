@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.signal import correlate
@@ -83,6 +85,30 @@ def test_a_damaged_archive_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(TrackingError, match="no weights of the box network"):
         read_weights(path)
+
+
+def test_an_archive_whose_packing_is_damaged_is_refused(tmp_path):
+    content = bytearray(WEIGHTS.read_bytes())
+    name = content.index(b"hidden.npy")
+    packed = name + len(b"hidden.npy") + int.from_bytes(content[name - 2 : name], "little")
+    # There are no blocks of this kind.
+    content[packed] |= 0b110
+    path = tmp_path / "box.npz"
+    path.write_bytes(content)
+    with pytest.raises(TrackingError, match=r"the box network \(it is damaged, or something else\): name"):
+        read_weights(path)
+
+
+def test_nobody_is_told_to_trust_a_file(tmp_path):
+    path = tmp_path / "box.npz"
+    for content in (b"weights", pickle.dumps({"hidden": 1}), b"<html>"):
+        path.write_bytes(content)
+        with pytest.raises(TrackingError) as refused:
+            read_weights(path)
+        assert str(refused.value) == (
+            f"{path}: no weights of the box network (it is damaged, or something else): name a box.npz made by "
+            "`train --network box`"
+        )
 
 
 def test_code_that_hides_in_a_file_is_not_run(tmp_path):
