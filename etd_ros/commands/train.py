@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 
+from etd_ros.output_files import make_folder
 from etd_ros.parameters import described
 from etd_ros.recovery import RecoveryError
 from etd_ros.recovery.making import missing_libraries
@@ -103,6 +104,8 @@ def run(options: argparse.Namespace) -> int:
         training.start_from(options.weights)
     if options.resume:
         training.resume()
+    # Not before: what is refused leaves no folders behind. Not after: other processes would tell it in a traceback.
+    make_folder(options.cache)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with ProgressBar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -111,6 +111,24 @@ def test_bad_input_is_one_line(place, capsys, arguments, said):
     assert said in error[0]
 
 
+@pytest.mark.parametrize("network", ["compact", "siamfc", "box"])
+def test_weights_that_are_refused_leave_no_folders_behind(place, capsys, network):
+    (place / "junk.safetensors").write_text("junk\n")
+    command = ["train", "--network", network, "--output", "out", "--cache", "cache"]
+    for options in (["--weights", "junk.safetensors"], ["--resume"]):
+        assert main([*command, *options]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "trust" not in line
+    assert [path.name for path in place.iterdir()] == ["junk.safetensors"]
+
+
+def test_a_cache_that_cannot_be_made_is_told_before_the_work(place, capsys):
+    (place / "notes.txt").write_text("")
+    assert main(["train", "--output", "out", "--cache", "notes.txt", *TINY]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "notes.txt is no folder" in line
+
+
 def test_without_torch_it_says_how_to_get_it(place, capsys, monkeypatch):
     monkeypatch.setattr(making, "find_spec", lambda _: None)
     assert main(["train", "--output", "out", "--cache", "cache"]) == 2

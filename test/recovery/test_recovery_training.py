@@ -196,6 +196,7 @@ class _Evil:
 def test_code_in_a_checkpoint_is_not_run(training, tmp_path):
     evil = training()
     trace = tmp_path / "was_run"
+    (tmp_path / "out").mkdir()
     (tmp_path / "out" / "checkpoint.pt").write_bytes(pickle.dumps(_Evil(trace), protocol=2))
     with pytest.raises(TrainingError, match="no checkpoint"):
         evil.resume()
@@ -235,6 +236,6 @@ def test_impossible_devices_threads_and_times_are_refused():
 def test_folders_that_cannot_be_made_are_named(tmp_path, sequence_folder):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file is no folder"):
-        SequenceCache(tmp_path / "file" / "cache")
+        SequenceCache(tmp_path / "file" / "cache").make(0)
     with pytest.raises(OutputError, match="file is no folder"):
-        Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out", make_lesson=CompactLesson)
+        run(Training(SHORT, SequenceCache(sequence_folder), tmp_path / "file" / "out", make_lesson=CompactLesson))

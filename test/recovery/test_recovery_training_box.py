@@ -307,4 +307,4 @@ def test_missing_parts_missing_files_and_folders_that_cannot_be_made_are_named(t
             cache.samples(seed)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file is no folder"):
-        SampleCache(tmp_path / "file" / "cache")
+        SampleCache(tmp_path / "file" / "cache").make(ONE_TARGET)

@@ -171,10 +171,8 @@ class SampleCache:
     """Samples by number in a folder, each made once; numbers are their seeds. What was read stays in memory."""
 
     def __init__(self, folder: Path) -> None:
-        """Raise OutputError where the folder cannot be made."""
         self.folder = folder
         self._read: dict[int, BoxSamples] = {}
-        make_folder(folder)
 
     def __reduce__(self) -> tuple[type[SampleCache], tuple[Path]]:
         """Another process reads the files itself."""
@@ -185,9 +183,15 @@ class SampleCache:
         return seed in self._read or self._path(seed).is_file()
 
     def make(self, seed: int) -> None:
-        """Simulate and track a scene unless it is there."""
+        """Simulate and track a scene unless it is there.
+
+        Raises:
+            OutputError: the folder cannot be made.
+            TrainingError: the samples cannot be written.
+        """
         if self.has(seed):
             return
+        make_folder(self.folder)
         samples = simulated_samples(seed)
         partial = self._path(seed).with_suffix(f".{os.getpid()}")
         try:

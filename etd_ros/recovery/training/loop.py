@@ -69,7 +69,7 @@ class Training(Generic[BatchT, TensorsT]):
     Args:
         config: what is trained.
         cache: keeps the sequences.
-        output: folder of checkpoint, log and weights.
+        output: folder of checkpoint, log and weights; made once there is something to train.
         make_lesson: of the cache and the device, what is trained, from random weights.
         device: where it runs.
         minutes: the step size falls so that it ends after this time, or the steps, whichever comes first.
@@ -98,7 +98,6 @@ class Training(Generic[BatchT, TensorsT]):
         )
         self.step, self._before_s = 0, 0.0
         self._lately: list[tuple[float, ...]] = []
-        make_folder(output)
 
     def check_is_new(self) -> None:
         """Refuse an output folder that holds a training, which this one would overwrite.
@@ -152,8 +151,10 @@ class Training(Generic[BatchT, TensorsT]):
         """Train to the end, or to step `until`; checkpoint, log and weights are written at intervals and at the end.
 
         Raises:
+            OutputError: the output folder cannot be made.
             TrainingError: files cannot be written, or the loss is not finite.
         """
+        make_folder(self._output)
         config = self._config
         last = min(config.steps, config.steps if until is None else until)
         maker = SequenceMaker(self._cache, config, self._processes)

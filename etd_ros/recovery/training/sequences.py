@@ -109,10 +109,8 @@ class SequenceCache:
     """
 
     def __init__(self, folder: Path, pictures: Pictures = RECONSTRUCTED) -> None:
-        """Raise OutputError where the folder cannot be made."""
         self.folder, self.pictures = folder, pictures
         self._open: dict[int, Sequence] = {}
-        make_folder(folder)
 
     def __reduce__(self) -> tuple[type[SequenceCache], tuple[Path, Pictures]]:
         """Another process opens the files itself."""
@@ -123,9 +121,15 @@ class SequenceCache:
         return seed in self._open or self._boxes_path(seed).is_file()
 
     def make(self, seed: int) -> None:
-        """Simulate a sequence unless it is there."""
+        """Simulate a sequence unless it is there.
+
+        Raises:
+            OutputError: the folder cannot be made.
+            TrainingError: the sequence cannot be written.
+        """
         if self.has(seed):
             return
+        make_folder(self.folder)
         sequence = self.pictures.simulate(seed)
         try:
             _write_beside(self._images_path(seed), sequence.images)
