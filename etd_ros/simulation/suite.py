@@ -194,14 +194,14 @@ _SEQUENCES = (
     ),
     Sequence(
         "pillar",
-        "hidden for nearly 0.5 s behind a pillar",
+        "hidden behind a pillar, for more than half of it for 0.57 s",
         1018,
         *DAVIS,
         Recipe(("dartboard",), "clutter", motion="cross", occlusion_s=0.32, speed_px_s=(140, 140), duration_s=2.0),
     ),
     Sequence(
         "panel",
-        "two things hidden for 0.3 s by panels that pass by",
+        "two things hidden for 0.3 s by panels that pass by; one is then covered by the other panel, for 1 s in all",
         1319,
         *DAVIS,
         Recipe(("irregular", "ball"), "wall", targets=2, occlusion_s=0.25, speed_px_s=(50, 90), duration_s=2.0),
