@@ -11,6 +11,7 @@ from etd_ros.commands.track import read_settings
 from etd_ros.datasets import DATASETS
 from etd_ros.evaluation import EvaluationError
 from etd_ros.evaluation.cell_run import PROTOCOL_NAMES
+from etd_ros.evaluation.known_figures import TOLERANCE
 from etd_ros.evaluation.matrix import REPETITIONS
 from etd_ros.systems.registry import SYSTEMS
 from etd_ros.tracking import DEFAULT_METHOD, METHODS
@@ -27,7 +28,7 @@ FOR_DATASETS = (
     "retry_errors",
     "box_columns",
 )
-FOR_SIMULATED = ("start", "method", "seed", "write")
+FOR_SIMULATED = ("start", "method", "seed", "write", "against")
 
 
 def add(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -98,6 +99,12 @@ def _add_for_simulated(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--write", type=Path, metavar="FILE.csv", help="also write a row for each target (--start: sequence)"
     )
+    group.add_argument(
+        "--against",
+        type=Path,
+        metavar="FILE.csv",
+        help=f"say whose AP or AR differs by more than {TOLERANCE} from such a file; the exit code is 1 if one fell",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -117,8 +124,7 @@ def run(options: argparse.Namespace) -> int:
     settings = read_settings(options.config, options.set)
     if options.dataset:
         return run_datasets(options, settings)
-    run_simulated(options, settings)
-    return 0
+    return run_simulated(options, settings)
 
 
 def _refuse(options: argparse.Namespace, names: tuple[str, ...], is_dataset: bool) -> None:

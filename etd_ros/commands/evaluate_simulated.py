@@ -6,9 +6,10 @@ import argparse
 import dataclasses
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from etd_ros.evaluation import EvaluationError
+from etd_ros.evaluation.known_figures import TOLERANCE, Figures, TargetKey, changes, read_figures
 from etd_ros.evaluation.starting import StartResult, evaluate_starts
 from etd_ros.evaluation.starting_summary import StartSummary, by_kind, summarise, write_summaries
 from etd_ros.evaluation.suite import TargetResult, evaluate, write_results
@@ -27,22 +28,32 @@ START_HEADER = (
     f"{'clicks':>8}{'answered':>10}{'IoU':>6}{'middle':>8}{'beside':>8}{'ms':>6}"
 )
 NO_TARGET = "no target can be seen in any of the sequences: choose other ones"
+EXIT_FELL = 1
 
 
-def run_simulated(options: argparse.Namespace, settings: Settings) -> None:
-    """Track or start targets, print a row for each sequence and the means; write the CSV.
+def run_simulated(options: argparse.Namespace, settings: Settings) -> int:
+    """Track or start targets, print a row for each sequence and the means; write the CSV; with `--against`, say what
+    differs from a CSV of before. The exit code is 1 where a figure fell.
 
     Raises:
-        EvaluationError: a number that is out of range, or no target in any sequence.
+        EvaluationError: a number that is out of range, figures that cannot be read, or no target in any sequence.
     """
     options.method = options.method or DEFAULT_METHOD
     method_named(options.method)
-    check_outputs(options.write)
+    check_outputs(options.write, inputs=(options.against,))
     sequences = _sequences(options)
-    (_start if options.start else _track)(sequences, settings, options)
+    if options.start and options.against:
+        msg = "--against compares what is tracked, and means nothing with --start: leave one of them out"
+        raise EvaluationError(msg)
+    if options.start:
+        _start(sequences, settings, options)
+        return 0
+    known = read_figures(options.against) if options.against else None
+    results = _track(sequences, settings, options)
+    return 0 if known is None else _compare(sequences, results, known, options)
 
 
-def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> None:
+def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse.Namespace) -> list[TargetResult]:
     results: list[TargetResult] = []
     unseen: list[str] = []
     print(HEADER)
@@ -58,6 +69,29 @@ def _track(sequences: Sequence[Simulated], settings: Settings, options: argparse
         print(f"Left out, as half of them can never be seen, or only once: {', '.join(unseen)}", file=sys.stderr)
     if options.write:
         write_results(options.write, results)
+    return results
+
+
+def _compare(
+    sequences: Sequence[Simulated],
+    results: Sequence[TargetResult],
+    known: Mapping[TargetKey, Figures],
+    options: argparse.Namespace,
+) -> int:
+    """Print a line for each target that fell or rose, then a sum; the exit code."""
+    changed = changes(results, known, (sequence.name for sequence in sequences))
+    for change in changed:
+        print(change)
+    fell = sum(change.fell for change in changed)
+    if not fell:
+        print(f"No target fell by more than {TOLERANCE} below {options.against}")
+        return 0
+    print(
+        f"{fell} fell by more than {TOLERANCE} below {options.against}, or are missing on one side: if that is meant, "
+        f"write the file anew, of all its sequences (--write {options.against} without --only)",
+        file=sys.stderr,
+    )
+    return EXIT_FELL
 
 
 def _unseen(sequence: Simulated, results: Sequence[TargetResult]) -> list[str]:
