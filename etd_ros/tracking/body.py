@@ -20,6 +20,8 @@ Velocity = tuple[float, float]
 TURN_GAIN, GROWTH_GAIN = 0.3, 0.25
 """How much of a misfit is a misfit of the rate."""
 SCALE_LIMITS = (0.2, 5.0)
+FLIES_ON_MAX = 0.3
+"""What is fast flies on as long as its velocity differs by less than this part of it."""
 VELOCITY_PX = 2.0
 VELOCITY_S = (0.004, 0.05)
 """The velocity is an average over so much motion, within these times."""
@@ -81,6 +83,11 @@ class Body:
     def is_fast(self) -> bool:
         """Whether it moves so fast that it does not come to a halt at once."""
         return self.sizes_per_s > FAST_SIZES_PER_S
+
+    def flies_on_from(self, standing: Standing) -> bool:
+        """Whether it is fast, and moves about as when it stood there: what passes before it moves otherwise, though
+        what lies behind it changes what it looks like."""
+        return self.is_fast and math.dist(self.velocity, standing.velocity) < FLIES_ON_MAX * self.speed_px_s
 
     @property
     def motion(self) -> Float64Array:

@@ -9,7 +9,7 @@ from etd_ros.tracking.surface import TimeSurface
 
 SURE_S, SURE_AGE_NS = 0.03, 500_000_000
 """What hides a target draws its box along before looks fail. So it is looked for from where it was last seen surely,
-unless that was long ago, at its velocity averaged over this time."""
+unless that was long ago or it is fast and flies on, at its velocity averaged over this time."""
 FAILING_S, LEAVING_S = 0.3, 0.12
 """So long looks may fail before the target counts as lost; the second at the border of the sensor."""
 FORGIVING = 2.0
@@ -41,6 +41,12 @@ class Doubts:
         self.sure: Standing | None = None
         self._leaving_velocity = body.velocity
         self._usual_place = body.pose[:2]
+
+    @property
+    def seen_surely(self) -> Standing:
+        """Where it was seen surely last, or where it stood before looks failed if that was long before."""
+        sure = self.sure
+        return self.before if sure is None or self.before.stamp_ns - sure.stamp_ns >= SURE_AGE_NS else sure
 
     @property
     def is_lost(self) -> bool:
@@ -90,9 +96,15 @@ class Doubts:
         """Count a look that failed, for so long (s), and note where the target stood before the first."""
         if self.failing_s == 0:
             self.stand_here()
-            if self.sure is not None and self.before.stamp_ns - self.sure.stamp_ns < SURE_AGE_NS:
+            if self.sure is not None and self._may_be_drawn_from(self.sure):
                 self.before = self.sure
         self.failing_s += elapsed_s
+
+    def _may_be_drawn_from(self, sure: Standing) -> bool:
+        """Whether something may have drawn its box along since it was seen surely, not long ago: what is fast and
+        flies on as then is not."""
+        is_recent = self._body.stamp_ns - sure.stamp_ns < SURE_AGE_NS
+        return is_recent and not self._body.flies_on_from(sure)
 
     def fail_from(self, standing: Standing) -> None:
         """Looks have failed for too long, since the target stood there."""

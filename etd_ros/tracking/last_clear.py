@@ -127,7 +127,8 @@ class LastClear:
             return sure_ns > CLEAR_NS
         x, y, *_ = self._contours.body.pose
         seen = self._seen_as(self.sighting.impression, x, y)
-        self._strayed_times = self._strayed_times + 1 if seen < STRAYED_MAX else 0
+        strays = seen < STRAYED_MAX and not self._contours.body.flies_on_from(self.sighting.standing)
+        self._strayed_times = self._strayed_times + 1 if strays else 0
         return sure_ns > SETTLED_NS or (sure_ns > CLEAR_NS and seen > SEEN_MIN)
 
     def _seen_as(self, impression: Impression, x: float, y: float) -> float:

@@ -84,7 +84,7 @@ class LoneMover:
         if self._before is None:
             if not is_doubted:
                 return None
-            self._begin(self._doubts.before)
+            self._begin(self._doubts.seen_surely)
         if self._before is None or not self.is_looking:
             return None
         since_s = (stamp_ns - self._before.stamp_ns) * 1e-9

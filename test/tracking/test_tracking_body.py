@@ -5,7 +5,7 @@ import math
 import pytest
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.body import SCALE_LIMITS, Body, Standing, nearer
+from etd_ros.tracking.body import FLIES_ON_MAX, SCALE_LIMITS, Body, Standing, nearer
 from etd_ros.tracking.look_pace import FAST_SIZES_PER_S
 
 START_NS = 1_000_000_000
@@ -29,6 +29,18 @@ def test_what_moves_by_many_of_its_sizes_a_second_is_fast(body):
     assert not body.is_fast
     body.velocity = (FAST_SIZES_PER_S + 0.1) * BOX.w, 0.0
     assert body.is_fast
+
+
+@pytest.mark.parametrize(
+    ("sizes_per_s", "changed_share", "flies_on"),
+    [(30.0, FLIES_ON_MAX - 0.01, True), (30.0, FLIES_ON_MAX + 0.01, False), (FAST_SIZES_PER_S / 2, 0.0, False)],
+    ids=["as it did", "otherwise", "slow"],
+)
+def test_what_is_fast_flies_on_while_it_moves_about_as_it_did(body, sizes_per_s, changed_share, flies_on):
+    speed_px_s = sizes_per_s * BOX.w
+    body.velocity = speed_px_s, 0.0
+    then = Standing(START_NS, body.pose, (speed_px_s, changed_share * speed_px_s))
+    assert body.flies_on_from(then) == flies_on
 
 
 def test_a_body_goes_on_moving_turning_and_growing(body):

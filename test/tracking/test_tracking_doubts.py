@@ -85,6 +85,18 @@ def test_it_goes_back_to_where_it_was_seen_surely_unless_that_was_long_ago(age_n
     move_on(body, age_ns * 1e-9)
     doubts.doubt(0.01)
     assert (doubts.before is doubts.sure) == is_sure
+    assert (doubts.seen_surely is doubts.sure) == is_sure
+
+
+@pytest.mark.parametrize(("velocity", "is_sure"), [((1000.0, 0.0), False), ((1000.0, 600.0), True)])
+def test_what_is_fast_goes_back_to_where_it_was_seen_surely_only_if_it_moves_otherwise_since(velocity, is_sure):
+    body, doubts = doubts_about(velocity=(1000.0, 0.0))
+    doubts.note_sure(0.01)
+    move_on(body, 0.02)
+    body.velocity = velocity
+    doubts.doubt(0.01)
+    assert (doubts.before is doubts.sure) == is_sure
+    assert doubts.seen_surely is doubts.sure
 
 
 def test_what_is_found_and_lost_again_at_once_is_not_where_it_was_before():

@@ -127,7 +127,8 @@ class Looks:
         seen_as_before: how surely it is seen as it looked when it was clear.
     """
 
-    def __init__(self):
+    def __init__(self, body):
+        self.body = body
         self.confidence, self.seen_as_before = 1.0, 1.0
         self.usual = "what is usual"
 
@@ -138,8 +139,8 @@ class Looks:
 @pytest.fixture
 def seen():
     """Looks, and what takes one every NOTE_NS: sure ones, unless it is told otherwise."""
-    looks = Looks()
     contours = contours_at_once()
+    looks = Looks(contours.body)
     clear = LastClear(contours, None, looks)
     stamps = iter(range(START_NS, START_NS + 100 * SETTLED_NS, NOTE_NS))
 
@@ -184,6 +185,18 @@ def test_what_looks_otherwise_after_doubts_has_strayed(seen):
     looks.seen_as_before = STRAYED_MAX
     take()
     assert not clear.has_strayed
+
+
+@pytest.mark.parametrize(("down_px_s", "has_strayed"), [(0.0, False), (900.0, True)], ids=["on", "otherwise"])
+def test_what_is_fast_and_flies_on_has_not_strayed_though_it_looks_otherwise(seen, down_px_s, has_strayed):
+    looks, clear, take = seen
+    looks.body.velocity = 2000.0, 0.0
+    take()
+    take(is_sure=False)
+    looks.seen_as_before = 0.0
+    looks.body.velocity = 2000.0, down_px_s
+    take(STRAYED_TIMES)
+    assert clear.has_strayed == has_strayed
 
 
 def test_what_looks_as_before_is_clear_again_soon(seen):
