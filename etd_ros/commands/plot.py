@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from etd_ros.evaluation import EvaluationError, TimedBox, TrackRow, read_boxes, read_tracks
-from etd_ros.evaluation.matching import matched_overlaps
+from etd_ros.evaluation.matching import Tracks, Truth, matched_overlaps
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.plots import check_matplotlib, overlap_png
 
-Tracks = Mapping[str, Sequence[TrackRow]]
-Truth = Mapping[str, Sequence[TimedBox]]
 NAMES_MAX = 5
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ import yaml
 
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.tracking_steps import TrackedStep, compared_steps, engine_steps
-from etd_ros.evaluation import EvaluationError, TimedBox, TracksWriter, read_boxes, read_tracks
-from etd_ros.evaluation.matching import matched_overlaps
+from etd_ros.evaluation import EvaluationError, TracksWriter, read_boxes, read_tracks
+from etd_ros.evaluation.matching import Truth, matched_overlaps
 from etd_ros.evaluation.overlaps import TargetOverlap
 from etd_ros.output_files import check_outputs, check_pictures, write_beside
 from etd_ros.overlay import OverlayError
@@ -37,7 +37,6 @@ from etd_ros.targets import (
 from etd_ros.tracking import DEFAULT_METHOD, METHODS, Click
 from etd_ros.tracking_video import FPS, TrackingVideo, tracking_video
 
-Truth = Mapping[str, Sequence[TimedBox]]
 PROPOSERS = ", ".join(name for name, method in METHODS.items() if not method.contours)
 
 

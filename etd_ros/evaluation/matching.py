@@ -54,7 +54,9 @@ def _matches(tracks: Tracks, truth: Truth) -> dict[str, str]:
 def _until_dropped(track: Sequence[TrackRow], tracks: Tracks) -> list[TrackRow]:
     """The track; where others go on, it ends with a row without a box, so that its last box is not held for ever."""
     last = track[-1]
-    later_ns = [row.stamp_ns for rows in tracks.values() for row in rows[_first_after(rows, last.stamp_ns) :][:1]]
+    later_ns = [
+        rows[after].stamp_ns for rows in tracks.values() if (after := _first_after(rows, last.stamp_ns)) < len(rows)
+    ]
     dropped = [TrackRow(min(later_ns), last.target, None, 0.0, "")] if later_ns else []
     return [*track, *dropped]
 

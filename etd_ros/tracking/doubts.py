@@ -96,15 +96,10 @@ class Doubts:
         """Count a look that failed, for so long (s), and note where the target stood before the first."""
         if self.failing_s == 0:
             self.stand_here()
-            if self.sure is not None and self._may_be_drawn_from(self.sure):
-                self.before = self.sure
+            surely = self.seen_surely
+            if not self._body.flies_on_from(surely):
+                self.before = surely
         self.failing_s += elapsed_s
-
-    def _may_be_drawn_from(self, sure: Standing) -> bool:
-        """Whether something may have drawn its box along since it was seen surely, not long ago: what is fast and
-        flies on as then is not."""
-        is_recent = self._body.stamp_ns - sure.stamp_ns < SURE_AGE_NS
-        return is_recent and not self._body.flies_on_from(sure)
 
     def fail_from(self, standing: Standing) -> None:
         """Looks have failed for too long, since the target stood there."""
