@@ -313,7 +313,7 @@ def track(
     everything: list[TargetStart | Click] = [*targets, *clicks]
     starts = unique_targets(everything)
     frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
-    regions, longest = SearchRegions(), LongestFrames()
+    regions, longest = SearchRegions() if frames_wait else None, LongestFrames()
     with _ahead(streams, threads and frames_wait) as batches:
         parts = _frames(batches, method, settings, regions, longest)
         if method_named(method).recovers:
@@ -339,7 +339,11 @@ def _ahead(items: Iterable[T], in_thread: bool) -> Iterator[Iterable[T]]:
 
 
 def _frames(
-    streams: Iterable[StreamBatch], method: str, settings: Settings, regions: SearchRegions, longest: LongestFrames
+    streams: Iterable[StreamBatch],
+    method: str,
+    settings: Settings,
+    regions: SearchRegions | None,
+    longest: LongestFrames,
 ) -> Iterator[Part]:
     chosen = method_named(method)
     sources = PerSensor(
@@ -359,7 +363,7 @@ def _steps(
     parts: Iterable[Part],
     starts: list[TargetStart | Click],
     make: Callable[[int, int], MultiTracker],
-    regions: SearchRegions,
+    regions: SearchRegions | None,
     longest: LongestFrames,
 ) -> Iterator[Step]:
     size: tuple[int, int] | None = None
@@ -376,7 +380,8 @@ def _steps(
                     _begin(tracker, start)
         if part.frame is not None:
             reports = tracker.update(part.frame.stamp_ns, part.frame.data, part.image, part.frame.start_ns)
-            regions.boxes = tracker.search_regions()
+            if regions is not None:
+                regions.boxes = tracker.search_regions()
             longest.ask(tracker.longest_frame_s())
             notices, waiting = tuple(tracker.take_notices()), tuple(tracker.waiting_clicks)
             yield Step(part.frame, part.image, reports, notices, waiting)

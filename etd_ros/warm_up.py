@@ -92,9 +92,16 @@ def _track() -> None:
             # A node that gets its frames as messages may not write to them, which is another type to a kernel.
             frame.flags.writeable = step % 2 == 0
             tracker.update((step + 1) * STEP_NS, frame)
-    # No look here is at noise alone, at what is held beside another target, or before what moves otherwise.
-    surface = TimeSurface(SENSOR_SIDE, SENSOR_SIDE)
-    surface.shows_noise((0, SENSOR_SIDE, 0, SENSOR_SIDE), 0.1)
+    # There are not many targets here; no look is at noise alone, at what is held beside another target, or before what
+    # moves otherwise.
+    surface, everywhere = TimeSurface(SENSOR_SIDE, SENSOR_SIDE), (0, SENSOR_SIDE, 0, SENSOR_SIDE)
+    surface.keeps_all = True
+    for step in range(2):
+        frame = np.zeros((SENSOR_SIDE, SENSOR_SIDE, 2), np.uint8)
+        frame.flags.writeable = step % 2 == 0
+        surface.take((step + 1) * STEP_NS, frame)
+        surface.keep(everywhere)
+    surface.shows_noise(everywhere, 0.1)
     own = Contours(Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0, ContourConfig()).own
     own.others.note(np.zeros((1, 6)), 1.0, 0)
     stands_alone(surface, Box(8, 8, SQUARE_SIDE, SQUARE_SIDE), 0.1, others=own.others)

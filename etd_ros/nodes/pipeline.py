@@ -145,9 +145,14 @@ class Pipeline(EtdNode):
             **self._output.diagnostics(),
         }
 
+    @property
+    def _frames_wait(self) -> bool:
+        """Whether each frame is made by where the targets are looked for after the last one."""
+        return self.settings.atsltd.entropy_region == ENTROPY_TARGETS
+
     def _stage(self, name: str) -> Relay | Inline:
         """A thread, except where each frame waits for the boxes of the last one."""
-        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
+        if self._frames_wait:
             return Inline(self.on_worker_error)
         return Relay(name, PARTS_AHEAD, self.on_worker_error)
 
@@ -219,14 +224,22 @@ class Pipeline(EtdNode):
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
         self._targets.start_new(self._tracker, frame.stamp_ns)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
-        regions = self._regions.boxes = self._tracker.search_regions()
+        if self._frames_wait:
+            self._regions.boxes = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)
         if self._frames.get_subscription_count():
             self._frames.publish(encode_image(frame.data, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         if image is not None and self._images.get_subscription_count():
             self._images.publish(encode_image(image, stamp_ns=frame.stamp_ns, frame_id=frame_id))
         self._output.publish(
-            frame.stamp_ns, frame_id, frame.data, image, reports, regions, self._targets.class_of, frame.nzge
+            frame.stamp_ns,
+            frame_id,
+            frame.data,
+            image,
+            reports,
+            self._tracker.search_regions,
+            self._targets.class_of,
+            frame.nzge,
         )
         self.latencies.note(origin.received_s)
         return self._tracker.longest_frame_s()

@@ -155,13 +155,14 @@ class TrackingOutput:
         frame: npt.NDArray[np.uint8],
         image: npt.NDArray[np.uint8] | None,
         reports: tuple[TargetReport, ...],
-        search_regions: Sequence[Box] | None,
+        search_regions: Callable[[], Sequence[Box] | None],
         class_of: Callable[[str], str],
         nzge: float | None = None,
     ) -> None:
         """Say what one frame brought; stamps, frame_id and NZGE are those of the frame.
 
-        `class_of` says of a name what the target is, "" if nobody said: then its class is its name, which viewers show.
+        `search_regions` says where targets are looked for next, if somebody reads that. `class_of` says of a name what
+        the target is, "" if nobody said: then its class is its name, which viewers show.
         """
         self._frames_tracked += 1
         self._states = {report.name: report.state for report in reports}
@@ -177,7 +178,7 @@ class TrackingOutput:
             statuses = [self._status_of(report, frame_id) for report in reports]
             self._status.publish(encode_diagnostics(statuses, stamp_ns=stamp_ns, frame_id=frame_id))
         if self._search_regions.get_subscription_count():
-            regions = [Detection(id="", box=box, score=1.0, class_id="") for box in search_regions or ()]
+            regions = [Detection(id="", box=box, score=1.0, class_id="") for box in search_regions() or ()]
             self._search_regions.publish(encode_detections(regions, stamp_ns=stamp_ns, frame_id=frame_id))
         self._rerun.add(stamp_ns, frame, reports, image, nzge)
         if self._overlay.get_subscription_count():

@@ -198,10 +198,15 @@ class Tracker(EtdNode):
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.stamp_ns - FIRST_FRAME_MAX_NS)
         self._targets.start_new(self._tracker, frame.stamp_ns)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image)
-        regions = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)
         self._output.publish(
-            frame.stamp_ns, frame.frame_id, frame.data, image, reports, regions, self._targets.class_of
+            frame.stamp_ns,
+            frame.frame_id,
+            frame.data,
+            image,
+            reports,
+            self._tracker.search_regions,
+            self._targets.class_of,
         )
         self.latencies.note(received_s)
 

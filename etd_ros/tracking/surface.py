@@ -12,7 +12,14 @@ from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
 from etd_ros.tracking.strewn import are_strewn
-from etd_ros.tracking.surface_kernels import frame_points, keep_more_times, keep_times, kept_count, kept_points
+from etd_ros.tracking.surface_kernels import (
+    fired_count,
+    frame_points,
+    keep_more_times,
+    keep_times,
+    kept_count,
+    kept_points,
+)
 
 FRAME_MAX_NS = 100_000_000
 """A frame that does not tell its start is taken to have lasted no longer than this (ns): after a quiet time it starts
@@ -71,7 +78,7 @@ class TimeSurface:
         self._levels_of_rows = np.ascontiguousarray(data).reshape(self.height, 2 * self.width)
         self._kept.fill(0)
         if self.keeps_all and not self.is_flash:
-            self.keep((0, self.height, 0, self.width))
+            self._enter((0, self.height, 0, self.width))
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a place (pixels) lies on the sensor."""
@@ -92,7 +99,10 @@ class TimeSurface:
         return top, bottom if bottom > top else top, left, right if right > left else left
 
     def keep(self, window: Window) -> int:
-        """Enter the newest frame's events of a window; how many pixels they are."""
+        """Enter the newest frame's events of a window, unless all are entered; how many pixels they are."""
+        return int(fired_count(self._levels_of_rows, *window)) if self.keeps_all else self._enter(window)
+
+    def _enter(self, window: Window) -> int:
         duration_ns = self.stamp_ns - self.start_ns
         return int(keep_times(self._times_of_rows, self._levels_of_rows, self.start_ns, duration_ns, *window))
 
@@ -125,7 +135,7 @@ class TimeSurface:
 
     def count(self, window: Window, duration_s: float) -> int:
         """How many events of a window are at most so old."""
-        return int(kept_count(self._times, self.stamp_ns, self.stamp_ns - int(duration_s * 1e9), *window))
+        return int(kept_count(self._times_of_rows, self.stamp_ns, self.stamp_ns - int(duration_s * 1e9), *window))
 
     def newest(self, window: Window) -> tuple[Float32Array, int]:
         """The newest frame's events of a window, kept or not, as points, and their number; valid until the next

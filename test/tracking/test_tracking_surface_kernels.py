@@ -5,7 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from etd_ros.tracking.surface_kernels import count_within, keep_more_times, keep_times, kept_count, kept_points
+from etd_ros.tracking.surface_kernels import (
+    count_within,
+    fired_count,
+    keep_more_times,
+    keep_times,
+    kept_count,
+    kept_points,
+)
 
 
 @settings(deadline=None)
@@ -61,9 +68,16 @@ def test_more_points_than_there_is_room_for_are_left_out():
 def test_events_are_counted_in_a_window_of_the_surface_or_of_points(times, window, wide):
     top, bottom, left, right = window
     inside = times[top:bottom, left:right]
-    assert kept_count(times, 8, 3, *window) == np.count_nonzero((inside > 3) & (inside <= 8))
+    assert kept_count(times.reshape(6, -1), 8, 3, *window) == np.count_nonzero((inside > 3) & (inside <= 8))
     points = np.zeros((times.size, 4), np.float32)
     count = kept_points(times, 9, 3, *wide, points)
     columns, rows = np.floor(points[:count, :2]).T
     within = (columns >= left) & (columns < right) & (rows >= top) & (rows < bottom)
     assert count_within(points, count, *window) == np.count_nonzero(within)
+
+
+@settings(deadline=None)
+@given(arrays.arrays(np.uint8, (6, 70, 2)), windows)
+def test_a_frames_event_pixels_are_counted_in_a_window(data, window):
+    top, bottom, left, right = window
+    assert fired_count(data.reshape(6, -1), *window) == np.count_nonzero(data[top:bottom, left:right])
