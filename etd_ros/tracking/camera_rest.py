@@ -37,6 +37,7 @@ class CameraRest:
 
     Attributes:
         is_at_rest: whether the camera has come to a halt.
+        sees_motion: whether pixels fire all over the sensor, as before a camera that moves.
         has_just_halted: whether it has done so just now.
     """
 
@@ -47,6 +48,7 @@ class CameraRest:
     def forget(self) -> None:
         """The stream starts again."""
         self.is_at_rest = False
+        self.sees_motion = False
         self.has_just_halted = False
         self._halted_ns = 0
         self._recent_hz = np.zeros((BLOCKS, BLOCKS))
@@ -71,6 +73,7 @@ class CameraRest:
             self.is_at_rest = recent_hz < MOVING_SHARE * self._usual_hz
         elif recent_hz < REST_SHARE * self._usual_hz and self._was_moving:
             self.is_at_rest, self._halted_ns = True, stamp_ns
+        self.sees_motion = lively >= LIVELY_MIN and not self.is_at_rest
         self.has_just_halted = self.is_at_rest and stamp_ns - self._halted_ns < HALT_NS
         if not self.is_at_rest:
             gain = _gain(duration_s, USUAL_S)

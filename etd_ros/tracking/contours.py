@@ -387,13 +387,17 @@ class Contours:
         config = self.config
         if config.scale_gain == 0 and config.angle_gain == 0:
             return
-        too_small, turned = self._misfits.measure(sight, self._maps, self._norms)
+        misfit = self._misfits.measure(sight, self._maps, self._norms)
+        turned = misfit.angle
         if config.angle_gain > 0 and self.body.turning.per_s == 0:
             turned *= self._beginning.trust(surface, self.body, self.sweep_px_s, turned, self.known, self._patience)
         if config.scale_gain > 0:
             # A part of the target cannot tell whether it moves or grows.
-            too_small *= 1 - self.covered
-            self.body.growing.learn(too_small, elapsed_s)
+            seen = 1 - self.covered
+            too_small = seen * misfit.scale
+            parts = seen * misfit.wider, seen * misfit.higher
+            # Before a camera that stands nothing becomes wider or narrower by parallax.
+            self.body.growing.learn(too_small, elapsed_s, parts, parts_agree=surface.sees_motion)
             self.body.grow(config.scale_gain * too_small)
         if config.angle_gain > 0:
             self._turn(sight, turned, elapsed_s)

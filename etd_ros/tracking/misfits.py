@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,20 @@ STIFFNESS = 0.015, 0.015, 0.03
 has no angle."""
 PREFERENCE_LOOKS, PREFERENCE_RATE = 3, 0.25
 """What the score prefers hardly changes: it is learnt from one look in so many, and so fast."""
+
+
+class Misfit(NamedTuple):
+    """By how much a model is off: too narrow, too low (logarithms), and turned (rad)."""
+
+    wider: float
+    higher: float
+    angle: float
+
+    @property
+    def scale(self) -> float:
+        """The logarithm by which it is too small: the harmonic mean of both, which is nearer to the lesser; 0 where one
+        is too large."""
+        return 2 * self.wider * self.higher / (self.wider + self.higher) if self.wider * self.higher > 0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +95,8 @@ class Misfits:
         self._preferred = np.zeros(len(self._steps))
         self._looks = 0
 
-    def measure(self, sight: Sight, maps: Float32Array, norms: Float64Array) -> tuple[float, float]:
-        """How far the model's scale (its logarithm) and angle (rad) are off, at most half a step.
+    def measure(self, sight: Sight, maps: Float32Array, norms: Float64Array) -> Misfit:
+        """How far the model's shape is off, at most half a step each way.
 
         Args:
             sight: what is seen.
@@ -89,14 +104,14 @@ class Misfits:
             norms: what `measure_norms` says of them.
         """
         as_is, less, more = self._beside(sight, maps, norms)
-        wider, higher, angle = (
-            step * parabola(left + preferred * as_is, as_is, right - preferred * as_is, stiffness * abs(as_is))
-            for step, left, right, preferred, stiffness in zip(
-                self._steps, less.tolist(), more.tolist(), self._preferred.tolist(), STIFFNESS, strict=True
+        return Misfit(
+            *(
+                step * parabola(left + preferred * as_is, as_is, right - preferred * as_is, stiffness * abs(as_is))
+                for step, left, right, preferred, stiffness in zip(
+                    self._steps, less.tolist(), more.tolist(), self._preferred.tolist(), STIFFNESS, strict=True
+                )
             )
         )
-        scale = 2 * wider * higher / (wider + higher) if wider * higher > 0 else 0.0
-        return scale, angle
 
     def learn_preferences(self, sight: Sight, drawn: Float32Array, direction: Float64Array) -> None:
         """Learn what the score prefers.

@@ -255,11 +255,12 @@ class MultiTracker:
         return reports
 
     def _take_rest(self, frame: FrameData, targets: Sequence[ContourTarget]) -> None:
-        """See whether the camera has come to a halt."""
+        """See whether the camera moves, or has come to a halt."""
         surface = self._surface
         boxes = {target.name: target.last_box for target in targets if target.state is not TargetState.IDLE}
         self._camera_rest.take(surface.stamp_ns, frame, (surface.stamp_ns - surface.start_ns) * 1e-9, boxes)
         surface.has_just_halted = self._camera_rest.has_just_halted
+        surface.sees_motion = self._camera_rest.sees_motion
 
     def _room(self) -> int | None:
         """How many more there may be; None where that has no limit."""

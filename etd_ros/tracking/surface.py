@@ -43,6 +43,7 @@ class TimeSurface:
         before_ns: end of the one before it (ns).
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
         has_just_halted: whether the camera has come to a halt just now, so that what stands has no events.
+        sees_motion: whether pixels fire all over the sensor, as before a camera that moves.
         width, height: sensor size (pixels).
     """
 
@@ -52,7 +53,7 @@ class TimeSurface:
         self.stamp_ns = NEVER_NS
         self.start_ns = NEVER_NS
         self.before_ns = NEVER_NS
-        self.keeps_all = self.is_flash = self.has_just_halted = False
+        self.keeps_all = self.is_flash = self.has_just_halted = self.sees_motion = False
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._times_of_rows = self._times.reshape(height, 2 * width)

@@ -55,6 +55,15 @@ def test_the_camera_is_at_rest_when_events_end_all_over_the_sensor():
     assert after((0.3, 0.03, ALL), (0.06, 0.0003, ALL)).is_at_rest
 
 
+@pytest.mark.parametrize(("share", "columns", "sees_motion"), [(0.03, ALL, True), (0.1, FEW, False), (0.0, ALL, False)])
+def test_pixels_fire_all_over_the_sensor_before_a_camera_that_moves(share, columns, sees_motion):
+    assert after((0.1, share, columns)).sees_motion == sees_motion
+
+
+def test_a_camera_that_halts_sees_no_motion_any_more():
+    assert not after((0.3, 0.03, ALL), (0.2, 0.0, ALL)).sees_motion
+
+
 def test_a_halt_is_a_matter_of_a_moment():
     watched = Watched((0.3, 0.03, ALL), (0.1, 0.0, ALL))
     assert watched.rest.has_just_halted

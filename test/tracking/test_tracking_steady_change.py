@@ -67,3 +67,28 @@ def test_looks_that_know_a_change_go_on_telling_it_when_something_else_does():
         pass
     change.correct(0.01)
     assert change.learn(0.01, 0.005)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_of_one_sign_is_no_change_where_a_part_that_it_is_made_of_has_none(seed):
+    one, two, rng = SteadyChange(0.3), SteadyChange(0.3), np.random.default_rng(seed)
+    for higher in rng.normal(0, 0.01, 200).tolist():
+        # Narrower all the time; and lower, it seems, in half of the looks, which alone say that it has shrunk.
+        wider, shrunk = -0.01, min(higher, 0.0)
+        one.learn(shrunk, 0.005)
+        two.learn(shrunk, 0.005, (wider, higher), parts_agree=True)
+    assert one.per_s < -0.1
+    assert two.per_s == 0
+
+
+@pytest.mark.parametrize(("wider", "higher", "is_believed"), [(0.01, 0.01, True), (0.01, -0.01, False)])
+def test_parts_have_to_agree_with_one_another(wider, higher, is_believed):
+    change = SteadyChange(0.3)
+    believed = [change.learn(0.01, 0.005, (wider, higher), parts_agree=True) for _ in range(40)]
+    assert any(believed) == is_believed
+
+
+def test_whether_parts_have_to_agree_may_change_from_look_to_look():
+    change = SteadyChange(0.3)
+    believed = [change.learn(0.01, 0.005, (0.01, -0.01), parts_agree=look % 2 == 0) for look in range(40)]
+    assert believed.index(True) % 2 == 1
