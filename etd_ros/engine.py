@@ -16,7 +16,6 @@ import numpy.typing as npt
 from etd_ros.boxes import Box
 from etd_ros.cadence import Cadence
 from etd_ros.conversion import (
-    ENTROPY_TARGETS,
     AtsltdConverter,
     BackgroundActivityFilter,
     Converter,
@@ -312,7 +311,7 @@ def track(
     settings = settings or Settings()
     everything: list[TargetStart | Click] = [*targets, *clicks]
     starts = unique_targets(everything)
-    frames_wait = settings.atsltd.entropy_region == ENTROPY_TARGETS
+    frames_wait = settings.atsltd.follows_targets
     regions, longest = SearchRegions() if frames_wait else None, LongestFrames()
     with _ahead(streams, threads and frames_wait) as batches:
         parts = _frames(batches, method, settings, regions, longest)

@@ -1,7 +1,6 @@
 """Events to frames: ATSLTD, fixed windows, fixed counts; the information in a frame; the noise filter before them."""
 
 from etd_ros.conversion.atsltd import (
-    ENTROPY_TARGETS,
     PAPER_INTERVAL,
     AtsltdConfig,
     AtsltdConverter,
@@ -13,7 +12,6 @@ from etd_ros.conversion.noise import BackgroundActivityFilter, NoiseFilterConfig
 from etd_ros.conversion.nzge import confidence_interval, interval_from_statistics, nzge
 
 __all__ = [
-    "ENTROPY_TARGETS",
     "PAPER_INTERVAL",
     "AtsltdConfig",
     "AtsltdConverter",

@@ -77,6 +77,11 @@ class AtsltdConfig(Parameters):
             msg = f"parameter nzge_interval = [{alpha}, {beta}] is empty: give [alpha, beta] with alpha <= beta"
             raise ParameterError(msg)
 
+    @property
+    def follows_targets(self) -> bool:
+        """Whether NZGE is measured in the targets' search regions, so that each frame waits for those of the last."""
+        return self.entropy_region == ENTROPY_TARGETS
+
     def fine(self) -> AtsltdConfig:
         """The same for fine frames, which end at `fine_share` of the interval or after `fine_max_duration_s`, not
         before `fine_min_duration_s`."""
@@ -135,7 +140,7 @@ class AtsltdConverter(AccumulatingConverter):
         """Frames so far whose NZGE had passed beta when it was checked."""
         self._at_least_s, self._at_most_s = 0.0, math.inf
         self._next_durations_ns: tuple[int, int] | None = None
-        self._regions = regions if self.config.entropy_region == ENTROPY_TARGETS else None
+        self._regions = regions if self.config.follows_targets else None
         self._is_changing = self._regions is not None
         super().__init__(FrameAccumulator(width, height, self.config.cell_size, self.config.log_base))
         self._take_on(*self._durations_ns())

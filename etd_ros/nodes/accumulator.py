@@ -9,7 +9,6 @@ from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
 from etd_ros.boxes import Box
-from etd_ros.conversion import ENTROPY_TARGETS
 from etd_ros.engine import CONVERSIONS, FrameSource, SearchRegions, nzge_interval
 from etd_ros.nodes.base import EtdNode
 from etd_ros.nodes.event_input import EventInput
@@ -54,7 +53,7 @@ class Accumulator(EtdNode):
     def activate(self) -> None:
         """Begin to read."""
         self._input.open()
-        if self.settings.atsltd.entropy_region == ENTROPY_TARGETS:
+        if self.settings.atsltd.follows_targets:
             self._region_input = self.reader(Detection2DArray, "tracker/search_regions", self._on_regions)
             self.every(TRACKER_CHECK_PERIOD_S, self._check_tracker)
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import Image
 
-from etd_ros.conversion import ENTROPY_TARGETS, Frame
+from etd_ros.conversion import Frame
 from etd_ros.engine import FrameSource, ImageSource, Part, SearchRegions, nzge_interval
 from etd_ros.longest_frames import LongestFrames
 from etd_ros.nodes.base import EtdNode
@@ -145,14 +145,9 @@ class Pipeline(EtdNode):
             **self._output.diagnostics(),
         }
 
-    @property
-    def _frames_wait(self) -> bool:
-        """Whether each frame is made by where the targets are looked for after the last one."""
-        return self.settings.atsltd.entropy_region == ENTROPY_TARGETS
-
     def _stage(self, name: str) -> Relay | Inline:
         """A thread, except where each frame waits for the boxes of the last one."""
-        if self._frames_wait:
+        if self.settings.atsltd.follows_targets:
             return Inline(self.on_worker_error)
         return Relay(name, PARTS_AHEAD, self.on_worker_error)
 
@@ -224,7 +219,7 @@ class Pipeline(EtdNode):
             self._targets.start_all(self._tracker, frame.stamp_ns, frame.start_ns)
         self._targets.start_new(self._tracker, frame.stamp_ns)
         reports = self._tracker.update(frame.stamp_ns, frame.data, image, frame.start_ns)
-        if self._frames_wait:
+        if self.settings.atsltd.follows_targets:
             self._regions.boxes = self._tracker.search_regions()
         self._targets.note(frame.stamp_ns, self._tracker, reports)
         if self._frames.get_subscription_count():
