@@ -14,6 +14,7 @@ from etd_ros.reconstruction import HighPassFilter, SynchronisedReconstruction
 from etd_ros.settings import STAGES, Settings
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking import ContourConfig, Discovery, MultiTracker
+from etd_ros.tracking.camera_slide import CameraSlide
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.growth import stands_alone
 from etd_ros.tracking.pointed_object import PointedObject
@@ -28,6 +29,8 @@ STEPS = 24
 TEXTURE_STEPS, TEXTURE_SHARE = 12, 0.05
 STEP_NS = 2_000_000
 QUIET_NS = 1_000_000_000
+SLIDE_FRAMES, SLIDE_NS = 8, 100_000_000
+"""Two pictures are taken of so many frames of this time, and compared."""
 
 PACKET_TYPE = "event_camera_msgs/msg/EventPacket"
 ARRAY_TYPE = "dvs_msgs/msg/EventArray"
@@ -92,8 +95,13 @@ def _track() -> None:
             # A node that gets its frames as messages may not write to them, which is another type to a kernel.
             frame.flags.writeable = step % 2 == 0
             tracker.update((step + 1) * STEP_NS, frame)
-    # There are not many targets here; no look is at noise alone, at what is held beside another target, or before what
-    # moves otherwise.
+    # There are not many targets here; no camera slides, and no look is at noise alone, at what is held beside another
+    # target, or before what moves otherwise.
+    slide = CameraSlide(SENSOR_SIDE, SENSOR_SIDE)
+    for step in range(SLIDE_FRAMES):
+        frame = np.zeros((SENSOR_SIDE, SENSOR_SIDE, 2), np.uint8)
+        frame.flags.writeable = step == 0
+        slide.take((step + 1) * SLIDE_NS, step * SLIDE_NS, frame)
     surface, everywhere = TimeSurface(SENSOR_SIDE, SENSOR_SIDE), (0, SENSOR_SIDE, 0, SENSOR_SIDE)
     surface.keeps_all = True
     for step in range(2):

@@ -22,6 +22,7 @@ from etd_ros.tracking.misfits import Misfits, Sight
 from etd_ros.tracking.model_box import Pose
 from etd_ros.tracking.outline import beyond_box
 from etd_ros.tracking.own_events import OwnEvents
+from etd_ros.tracking.slid_past import SHARE, SlidPast
 from etd_ros.tracking.surface import TimeSurface
 from etd_ros.tracking.turning import BeginningTurn, TurningByFlow
 from etd_ros.tracking.turning_trial import TurningTrial
@@ -67,6 +68,7 @@ class Contours:
         is_changing: whether looks are compared with what the target looked like lately as well, not only with what it
             usually looks like. That follows a change, and drifts.
         own: which events looks, and what they teach, take.
+        slid_past: whether it stands still in what a camera slides past.
     """
 
     def __init__(self, box: Box, stamp_ns: int, config: ContourConfig) -> None:
@@ -92,6 +94,7 @@ class Contours:
         self._pace = LookPace(config.window_px, config.window_max_s)
         self._kept_ns: int | None = None
         self._patience = 1.0
+        self.slid_past = SlidPast()
         self.own = OwnEvents((box.w, box.h), self.cell_px, MARGIN, KEPT_MARGIN_PX)
 
     def anew(self, box: Box, stamp_ns: int) -> Contours:
@@ -396,8 +399,12 @@ class Contours:
             seen = 1 - self.covered
             too_small = seen * misfit.scale
             parts = seen * misfit.wider, seen * misfit.higher
-            # Before a camera that stands nothing becomes wider or narrower by parallax.
-            self.body.growing.learn(too_small, elapsed_s, parts, parts_agree=surface.sees_motion)
+            if self._keeps_its_size:
+                self.body.growing.stop()
+                too_small *= SHARE
+            else:
+                # Before a camera that stands nothing becomes wider or narrower by parallax.
+                self.body.growing.learn(too_small, elapsed_s, parts, parts_agree=surface.sees_motion)
             self.body.grow(config.scale_gain * too_small)
         if config.angle_gain > 0:
             self._turn(sight, turned, elapsed_s)
@@ -432,6 +439,11 @@ class Contours:
             right, down = beyond.shift
             body.be_at(body.pose[0] + OUTLINE_GAIN * right, body.pose[1] + OUTLINE_GAIN * down)
             body.growing.doubt_if_below_0()
+
+    @property
+    def _keeps_its_size(self) -> bool:
+        """Whether a camera slides past it, and it is not known to grow."""
+        return self.slid_past.direction is not None and not self._growth_by_flow.is_known
 
     def _take_growth_of_flow(self, surface: TimeSurface) -> None:
         """Believe the flow of the target's edges about how fast it grows, unless its size is kept."""

@@ -235,7 +235,7 @@ class Following:
         jump_px = math.hypot(look.x - x, look.y - y)
         if strays and doubt > 0:
             body.go_on_at(self.motion.steady.velocity, doubt * min(1.0, elapsed_s / STEADYING_S))
-        body.go_to(x + trust * (look.x - x), y + trust * (look.y - y), stamp_ns, trust)
+        self._go_to(x + trust * (look.x - x), y + trust * (look.y - y), stamp_ns, trust)
         if doubt == 0:
             self._doubts.believe(elapsed_s)
             self.usual.learn(self._as_if_free(look))
@@ -244,3 +244,14 @@ class Following:
         if not self.settling and (doubt == 0 or (trust > TRUST_MIN and jump_px < CHANGING_PX)):
             sees_covers = self.motion.steady.seen_s >= COVERED_AFTER_S
             contours.adapt(self._surface, elapsed_s, trust, sees_covers=sees_covers)
+
+    def _go_to(self, x: float, y: float, stamp_ns: int, trust: float) -> None:
+        """Be at a place (pixels) at a time (ns), as far as the target may go there in what a camera slides past."""
+        body, slid_past = self._contours.body, self._contours.slid_past
+        slid_past.take(x, y, stamp_ns, body, self._surface.slide)
+        if slid_past.direction is not None:
+            here_x, here_y, _, _ = body.pose
+            body.velocity = slid_past.held(body.velocity)
+            right, down = slid_past.held((x - here_x, y - here_y))
+            x, y = here_x + right, here_y + down
+        body.go_to(x, y, stamp_ns, trust)

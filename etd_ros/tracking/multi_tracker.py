@@ -17,6 +17,7 @@ from etd_ros.names import NAME_RULE, is_name
 from etd_ros.tracking.box_network import shipped_network
 from etd_ros.tracking.box_refinement import Corrector
 from etd_ros.tracking.camera_rest import CameraRest
+from etd_ros.tracking.camera_slide import CameraSlide
 from etd_ros.tracking.clicks import Click
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_target import ContourTarget
@@ -85,6 +86,7 @@ class MultiTracker:
         self._notices: list[str] = []
         self._surface = TimeSurface(width, height)
         self._camera_rest = CameraRest()
+        self._camera_slide = CameraSlide(width, height)
         self._turns = Turns()
         self._drawn_along = DrawnAlong()
         self._other_targets = OtherTargets()
@@ -255,12 +257,17 @@ class MultiTracker:
         return reports
 
     def _take_rest(self, frame: FrameData, targets: Sequence[ContourTarget]) -> None:
-        """See whether the camera moves, or has come to a halt."""
+        """See whether the camera moves, in which direction what it sees goes, or whether it has come to a halt."""
         surface = self._surface
         boxes = {target.name: target.last_box for target in targets if target.state is not TargetState.IDLE}
         self._camera_rest.take(surface.stamp_ns, frame, (surface.stamp_ns - surface.start_ns) * 1e-9, boxes)
         surface.has_just_halted = self._camera_rest.has_just_halted
         surface.sees_motion = self._camera_rest.sees_motion
+        if surface.sees_motion:
+            self._camera_slide.take(surface.stamp_ns, surface.start_ns, frame)
+        else:
+            self._camera_slide.forget()
+        surface.slide = self._camera_slide.direction
 
     def _room(self) -> int | None:
         """How many more there may be; None where that has no limit."""
@@ -273,6 +280,7 @@ class MultiTracker:
             self.stop(name)
         self._drawn_along.time_went_back(stamp_ns)
         self._camera_rest.forget()
+        self._camera_slide.forget()
         for target in self._targets.values():
             target.time_went_back(stamp_ns)
 
