@@ -34,7 +34,9 @@ def run(main: Callable[[], int]) -> NoReturn:
     """Run a node, and end the process with its exit code."""
     if code := main():
         sys.exit(code)
-    # What the node has let go may still be held by cycles, and that holds shared memory.
+    # What the node has let go may still be held by cycles, and that holds shared memory. Loading a network may have
+    # taken some of it out of what is looked through.
+    gc.unfreeze()
     gc.collect()
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

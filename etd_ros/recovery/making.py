@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -115,19 +117,34 @@ def _load(name: str, file: str) -> Matcher:
     Raises:
         RecoveryError: torch or safetensors are broken, or the file is not one of the network's weights.
     """
+    with _made_to_stay():
+        try:
+            from etd_ros.recovery.matchers import CompactMatcher, SiamRpnMatcher, limit_threads
+            from etd_ros.recovery.siamrpn import load_siamrpn
+            from etd_ros.recovery.weights_file import SHIPPED, load_compact
+        # Libraries that torch loads are missing or damaged.
+        except (ImportError, OSError) as err:
+            reason = " ".join(str(err).split())[:120]
+            msg = (
+                f"recovery tracker {name!r}: {' or '.join(LIBRARIES)} cannot be imported ({reason}): install them "
+                f"anew, or choose another tracker ({FALLBACK})"
+            )
+            raise RecoveryError(msg) from err
+        limit_threads()
+        if name == SIAMRPN:
+            return SiamRpnMatcher(load_siamrpn(Path(file)))
+        return CompactMatcher(load_compact(Path(file) if file else SHIPPED))
+
+
+@contextmanager
+def _made_to_stay() -> Iterator[None]:
+    """What is made within stays as long as the process does: no garbage is looked for in it, neither now nor later.
+    Each look through all that torch brings would hold up a frame by 0.1 s."""
+    was_enabled = gc.isenabled()
+    gc.disable()
     try:
-        from etd_ros.recovery.matchers import CompactMatcher, SiamRpnMatcher, limit_threads
-        from etd_ros.recovery.siamrpn import load_siamrpn
-        from etd_ros.recovery.weights_file import SHIPPED, load_compact
-    # Libraries that torch loads are missing or damaged.
-    except (ImportError, OSError) as err:
-        reason = " ".join(str(err).split())[:120]
-        msg = (
-            f"recovery tracker {name!r}: {' or '.join(LIBRARIES)} cannot be imported ({reason}): install them anew, or "
-            f"choose another tracker ({FALLBACK})"
-        )
-        raise RecoveryError(msg) from err
-    limit_threads()
-    if name == SIAMRPN:
-        return SiamRpnMatcher(load_siamrpn(Path(file)))
-    return CompactMatcher(load_compact(Path(file) if file else SHIPPED))
+        yield
+    finally:
+        gc.freeze()
+        if was_enabled:
+            gc.enable()

@@ -57,6 +57,19 @@ def test_the_threads_of_torch_stay_those_of_the_process_that_uses_it():
         """)
 
 
+def test_no_garbage_is_looked_for_in_what_torch_brings():
+    run_alone("""
+        import gc
+        from etd_ros.recovery.making import _load
+        looked = []
+        gc.callbacks.append(lambda phase, info: looked.append(info["generation"]))
+        _load("compact", "")
+        assert 2 not in looked, looked
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > 100_000
+        """)
+
+
 class _Late:
     """A matcher that is there once it is let."""
 
