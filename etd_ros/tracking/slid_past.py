@@ -17,6 +17,9 @@ AVERAGE_S = 0.2
 """How looks move is averaged over so long."""
 STRAYS_FROM, STRAYS_UNTIL = math.tan(math.radians(6)), math.tan(math.radians(4))
 """What goes across by more than this share of its way along moves by itself, until it is less than that."""
+STRAYS_NOW = 0.2
+"""What is not held to the direction yet has to go along now as well, to this share: looks of so long say too late that
+it turns."""
 ACROSS_PX_S, ALONG_MIN_PX_S = 1.5, 5.0
 """So fast looks go across by chance; what is slower along has no direction."""
 FAR_PX = 1.5
@@ -54,9 +57,11 @@ class SlidPast:
         if all_go is None or self._velocity is None:
             self.direction = None
             return
-        along, across = parts_of(self._velocity, all_go)
-        strays = STRAYS_UNTIL if self.direction is None else STRAYS_FROM
-        goes_along = along > ALONG_MIN_PX_S and abs(across) < ACROSS_PX_S + strays * along
+        if self.direction is None:
+            goes_along = _goes_along(self._velocity, all_go, STRAYS_UNTIL)
+            goes_along = goes_along and _goes_along(body.velocity, all_go, STRAYS_NOW)
+        else:
+            goes_along = _goes_along(self._velocity, all_go, STRAYS_FROM)
         self.direction = all_go if goes_along else None
         here_x, here_y, _, _ = body.pose
         _, off_px = parts_of((x - here_x, y - here_y), all_go)
@@ -71,6 +76,12 @@ class SlidPast:
         along, across = parts_of(vector, self.direction)
         across *= self._across_share
         return along * x - across * y, along * y + across * x
+
+
+def _goes_along(velocity: Velocity, direction: Direction, strays: float) -> bool:
+    """Whether a velocity has a direction, but for such a share."""
+    along, across = parts_of(velocity, direction)
+    return along > ALONG_MIN_PX_S and abs(across) < ACROSS_PX_S + strays * along
 
 
 def parts_of(vector: tuple[float, float], direction: Direction) -> tuple[float, float]:

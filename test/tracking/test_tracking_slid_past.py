@@ -56,6 +56,12 @@ def test_what_goes_nearly_that_way_is_held_to_it_only_if_it_was_before():
     assert Target().go(60.0, 0.0).go(*nearly).slid_past.direction == WAY
 
 
+def test_what_turns_into_that_way_and_on_is_not_held_to_it():
+    target = Target().go(60.0, 60.0)
+    for across_px_s in (30.0, -30.0, -60.0):
+        assert target.go(60.0, across_px_s, for_s=0.2).slid_past.direction is None
+
+
 def test_nothing_is_held_where_no_direction_is_known():
     target = Target().go(60.0, 0.0).go(60.0, 0.0, all_go=None, for_s=2 * STEP_S)
     assert target.slid_past.direction is None
