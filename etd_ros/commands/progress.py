@@ -1,15 +1,16 @@
-"""A progress line on standard error, only where somebody watches."""
+"""What is said on standard error while a command works, only where somebody watches."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from itertools import count
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from etd_ros.compile_notice import compile_notice
 from etd_ros.recordings.interface import RecordedImage
 from etd_ros.stream import StreamBatch
 
@@ -44,6 +45,15 @@ def with_image_progress(images: Iterable[RecordedImage], verb: str) -> Iterator[
 
     with _line(verb) as show:
         yield _counted(images, extent, show)
+
+
+@contextmanager
+def with_compile_notice() -> Iterator[None]:
+    """Say once that kernels are being compiled, which holds up the first run on a machine."""
+    console = Console(stderr=True)
+    text = "Compiling for this machine, which takes up to two minutes; the next run finds it done"
+    with compile_notice(lambda: console.print(text)) if console.is_terminal else nullcontext():
+        yield
 
 
 @contextmanager

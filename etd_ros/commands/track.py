@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from etd_ros.commands.progress import with_compile_notice
 from etd_ros.commands.recording_options import add_recording_options
 from etd_ros.commands.tracking_steps import TrackedStep, compared_steps, engine_steps
 from etd_ros.evaluation import EvaluationError, TracksWriter, read_boxes, read_tracks
@@ -124,6 +125,7 @@ def run(options: argparse.Namespace) -> int:
     plotted = _plotted_truth(options, names) if options.plot else None
     _tell_no_proposals(options)
     with ExitStack() as stack:
+        stack.enter_context(with_compile_notice())
         recording = stack.enter_context(open_recording(options.recording, topic=options.topic, size=options.size))
         tracks = stack.enter_context(TracksWriter(options.output))
         video = stack.enter_context(_video(options, truth)) if options.video else None

@@ -14,8 +14,8 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from etd_ros.compile_notice import compile_notice
 from etd_ros.errors import EtdError
-from etd_ros.nodes.compile_notice import compile_notice
 from etd_ros.nodes.connections import (
     FRAME_QOS,
     NEEDED_QOS,

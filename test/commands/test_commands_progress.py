@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numba import njit
 
-from etd_ros.commands.progress import with_image_progress, with_progress
+from etd_ros.commands.progress import with_compile_notice, with_image_progress, with_progress
 from etd_ros.events import Events
 from etd_ros.recordings.interface import RecordedImage
 from etd_ros.stream import StreamBatch
@@ -37,4 +38,25 @@ def test_what_is_taken_is_counted_where_somebody_watches(monkeypatch, capsys, pr
 def test_a_log_is_spared_it(capsys, progress, items, said):
     with progress(items, "tracking") as counted:
         assert list(counted) == items
+    assert capsys.readouterr().err == ""
+
+
+def compile_two():
+    for kernel in (lambda: 1, lambda: 2):
+        njit(kernel)()
+
+
+def test_who_watches_is_told_once_that_kernels_are_compiled(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with with_compile_notice():
+        assert capsys.readouterr().err == ""
+        compile_two()
+    assert capsys.readouterr().err.count("Compiling") == 1
+    compile_two()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_log_is_not_told_that_kernels_are_compiled(capsys):
+    with with_compile_notice():
+        compile_two()
     assert capsys.readouterr().err == ""

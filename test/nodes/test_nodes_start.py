@@ -46,7 +46,7 @@ def test_a_node_loads_no_library_that_it_does_not_use(repository, node):
 
 
 NOTICE = """
-from etd_ros.nodes.compile_notice import compile_notice
+from etd_ros.compile_notice import compile_notice
 from etd_ros.warm_up import warm_up
 with compile_notice(lambda: print("compiling")):
     warm_up(["stream"])
