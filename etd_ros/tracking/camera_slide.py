@@ -23,9 +23,11 @@ Direction = tuple[float, float]
 """x and y, of length 1."""
 
 COLUMNS, ROWS = 128, 96
-"""A picture has at most so many cells, each of as many pixels as that takes ..."""
+"""A picture has at most so many cells, each of as many pixels as that takes."""
+CELL_SAMPLES = 3
+"""Along the side of a large one about so many are looked at."""
 PADDED = 128, 160
-"""... and is correlated as one of so many rows and columns: sizes that are fast to transform, with room for the way."""
+"""It is correlated as one of so many rows and columns: sizes that are fast to transform, with room for the way."""
 EDGE_CELLS, LIGHT_CELLS = 0.8, 4.0
 """Edges are this wide; what is as wide as this is no edge."""
 PICTURES = 4
@@ -70,6 +72,7 @@ class CameraSlide:
 
     def __init__(self, width: int, height: int) -> None:
         self._cell_px = max(1, math.ceil(width / COLUMNS), math.ceil(height / ROWS))
+        self._stride = max(1, round(self._cell_px / CELL_SAMPLES))
         self._lit = np.zeros((height // self._cell_px, width // self._cell_px), np.float32)
         angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
         self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -114,7 +117,7 @@ class CameraSlide:
         step_s, since_s = self._time_s / PICTURES, (stamp_ns - self._last_ns) * 1e-9
         if since_s < (1 - CAPTURE_SHARE) * step_s:
             return None
-        lit = light_cells(data, self._cell_px, self._lit)
+        lit = light_cells(data, self._cell_px, self._stride, self._lit)
         if since_s < step_s and lit < LIT_SHARE * self._lit.size:
             return None
         edges, light = (cv2.GaussianBlur(self._lit, (0, 0), cells) for cells in (EDGE_CELLS, LIGHT_CELLS))

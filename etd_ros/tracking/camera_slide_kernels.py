@@ -12,20 +12,21 @@ from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 
 
 @njit(cache=True, nogil=True)
-def light_cells(data: npt.NDArray[np.uint8], cell_px: int, lit: Float32Array) -> int:
+def light_cells(data: npt.NDArray[np.uint8], cell_px: int, stride: int, lit: Float32Array) -> int:
     """Set those cells to 1 in which a pixel has fired.
 
     Args:
         data: a frame, shape (height, width, 2); rows and columns that fill no cell are left out.
         cell_px: pixels along the side of a cell.
+        stride: pixels from one that is looked at to the next, along rows and columns.
         lit: the cells, shape (rows, columns); renewed.
 
     Returns:
         How many are 1 now.
     """
     rows, columns = lit.shape
-    for row in range(rows * cell_px):
-        for column in range(columns * cell_px):
+    for row in range(0, rows * cell_px, stride):
+        for column in range(0, columns * cell_px, stride):
             if data[row, column, 0] | data[row, column, 1]:
                 lit[row // cell_px, column // cell_px] = 1
     return int(lit.sum())
