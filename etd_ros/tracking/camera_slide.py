@@ -73,7 +73,9 @@ class CameraSlide:
     def __init__(self, width: int, height: int) -> None:
         self._cell_px = max(1, math.ceil(width / COLUMNS), math.ceil(height / ROWS))
         self._stride = max(1, round(self._cell_px / CELL_SAMPLES))
-        self._lit = np.zeros((height // self._cell_px, width // self._cell_px), np.float32)
+        # A sensor may be lower than a cell.
+        rows, columns = (max(1, side // self._cell_px) for side in (height, width))
+        self._lit = np.zeros((rows, columns), np.float32)
         angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
         self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._likeness = np.zeros((BLOCKS * BLOCKS, DIRECTIONS))

@@ -25,8 +25,9 @@ def light_cells(data: npt.NDArray[np.uint8], cell_px: int, stride: int, lit: Flo
         How many are 1 now.
     """
     rows, columns = lit.shape
-    for row in range(0, rows * cell_px, stride):
-        for column in range(0, columns * cell_px, stride):
+    height, width, _ = data.shape
+    for row in range(0, min(height, rows * cell_px), stride):
+        for column in range(0, min(width, columns * cell_px), stride):
             if data[row, column, 0] | data[row, column, 1]:
                 lit[row // cell_px, column // cell_px] = 1
     return int(lit.sum())

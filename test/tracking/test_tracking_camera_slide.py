@@ -119,6 +119,12 @@ def test_frames_without_events_say_nothing():
     assert watch(CameraSlide(240, 180), lambda places, nearness, time_s: places + 1e6).direction is None
 
 
+@pytest.mark.parametrize("size", [(2000, 3), (3, 2000), (1, 1)])
+def test_a_sensor_that_is_lower_than_a_cell_shows_no_direction(size):
+    width, height = size
+    assert watch(CameraSlide(width, height), sliding(0.5), width=width, height=height, for_s=0.6).direction is None
+
+
 def test_what_was_known_is_forgotten_with_the_stream():
     slide = watch(CameraSlide(240, 180), sliding(0.5))
     slide.forget()
