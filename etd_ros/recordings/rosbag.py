@@ -25,6 +25,9 @@ from msg_adapters import (
 )
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
+FILE_SUFFIXES = (".bag", ".aedat4", ".raw")
+"""Recordings that are given as files, and may lie in a folder that is given instead."""
+NAMED_MAX = 3
 SQLITE_MAGIC = b"SQLite format 3\0"
 SQLITE_HEADER_BYTES = 100
 SQLITE_PAGE_MAX = 65_536
@@ -190,7 +193,9 @@ def _storage_parts(path: Path) -> list[Path]:
         return [path]
     parts = sorted((file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES), key=_natural_order)
     if not parts:
-        msg = f"{path}: a folder without .mcap, .db3 or events.txt files: give a recording"
+        files = sorted((file for file in path.iterdir() if file.suffix in FILE_SUFFIXES), key=_natural_order)
+        advice = f"one that is in it, as {', '.join(map(str, files[:NAMED_MAX]))}" if files else "a recording"
+        msg = f"{path}: a folder without .mcap, .db3 or events.txt files: give {advice}"
         raise RecordingError(msg)
     return parts
 

@@ -203,6 +203,14 @@ def test_unknown_kinds_list_the_known_ones(tmp_path):
     assert "without .mcap, .db3 or events.txt" in error_of(folder)
 
 
+def test_a_folder_of_other_recordings_is_refused_by_naming_some(tmp_path):
+    for name in ("b.bag", "a.aedat4", "notes.md", "d.bag", "c.raw"):
+        (tmp_path / name).touch()
+    refused = error_of(tmp_path)
+    assert f"give one that is in it, as {tmp_path}/a.aedat4, {tmp_path}/b.bag, {tmp_path}/c.raw" in refused
+    assert "d.bag" not in refused
+
+
 @pytest.mark.parametrize("container", ["ros1", *StoragePlugin])
 def test_a_bag_is_read_in_memory_far_below_its_size(tmp_path, container):
     events = random_events(2_000_000)
