@@ -219,5 +219,7 @@ def _spectrum(picture: Float32Array) -> Float32Array:
 
 def _whitened(spectrum: Float32Array) -> Float32Array:
     """Of a spectrum the phases alone: large things count no more than small ones, which have sharper peaks."""
-    size = cv2.magnitude(spectrum[..., 0], spectrum[..., 1])
+    real, imaginary = spectrum[..., 0], spectrum[..., 1]
+    # OpenCV's own rounds by where its numbers lie in memory, and tracks would differ from run to run.
+    size = np.sqrt(real * real + imaginary * imaginary)
     return np.asarray(spectrum / (size + 1e-6)[..., None], np.float32)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import map_coordinates
 
-from etd_ros.tracking.camera_slide import DIRECTIONS, CameraSlide, between, peak_of
+from etd_ros.tracking.camera_slide import DIRECTIONS, PADDED, CameraSlide, _whitened, between, peak_of
 from etd_ros.tracking.camera_slide_kernels import light_cells, likeness_along
 
 FRAME_S = 0.002
@@ -177,3 +177,16 @@ def test_likeness_is_the_sum_over_all_ways_in_a_direction(seed, least):
     np.testing.assert_allclose(likeness, (over**2).sum(axis=1), rtol=1e-4, atol=1e-5)
     best = over[likeness.argmax()]
     assert best.max() == pytest.approx(best[np.argmin(abs(ways - best_way))], abs=1e-5)
+
+
+def test_pictures_give_the_same_numbers_wherever_they_lie_in_memory():
+    values = np.random.default_rng(0).normal(size=(*PADDED, 2)).astype(np.float32)
+    found = []
+    for offset in (0, 16, 32, 48):
+        room = np.empty(values.nbytes + 128, np.uint8)
+        start = -room.ctypes.data % 64 + offset
+        placed = room[start : start + values.nbytes].view(np.float32).reshape(values.shape)
+        placed[:] = values
+        found.append(_whitened(placed))
+    for other in found[1:]:
+        np.testing.assert_array_equal(other, found[0])
