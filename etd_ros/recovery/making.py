@@ -111,31 +111,6 @@ def _network(name: str, file: str, modified_ns: int) -> BackgroundMatcher:  # no
     return matcher
 
 
-def _load(name: str, file: str) -> Matcher:
-    """In the network's own thread.
-
-    Raises:
-        RecoveryError: torch or safetensors are broken, or the file is not one of the network's weights.
-    """
-    with _made_to_stay():
-        try:
-            from etd_ros.recovery.matchers import CompactMatcher, SiamRpnMatcher, limit_threads
-            from etd_ros.recovery.siamrpn import load_siamrpn
-            from etd_ros.recovery.weights_file import SHIPPED, load_compact
-        # Libraries that torch loads are missing or damaged.
-        except (ImportError, OSError) as err:
-            reason = " ".join(str(err).split())[:120]
-            msg = (
-                f"recovery tracker {name!r}: {' or '.join(LIBRARIES)} cannot be imported ({reason}): install them "
-                f"anew, or choose another tracker ({FALLBACK})"
-            )
-            raise RecoveryError(msg) from err
-        limit_threads()
-        if name == SIAMRPN:
-            return SiamRpnMatcher(load_siamrpn(Path(file)))
-        return CompactMatcher(load_compact(Path(file) if file else SHIPPED))
-
-
 @contextmanager
 def _made_to_stay() -> Iterator[None]:
     """What is made within stays as long as the process does: no garbage is looked for in it, neither now nor later.
@@ -148,3 +123,28 @@ def _made_to_stay() -> Iterator[None]:
         gc.freeze()
         if was_enabled:
             gc.enable()
+
+
+@_made_to_stay()
+def _load(name: str, file: str) -> Matcher:
+    """In the network's own thread.
+
+    Raises:
+        RecoveryError: torch or safetensors are broken, or the file is not one of the network's weights.
+    """
+    try:
+        from etd_ros.recovery.matchers import CompactMatcher, SiamRpnMatcher, limit_threads
+        from etd_ros.recovery.siamrpn import load_siamrpn
+        from etd_ros.recovery.weights_file import SHIPPED, load_compact
+    # Libraries that torch loads are missing or damaged.
+    except (ImportError, OSError) as err:
+        reason = " ".join(str(err).split())[:120]
+        msg = (
+            f"recovery tracker {name!r}: {' or '.join(LIBRARIES)} cannot be imported ({reason}): install them anew, or "
+            f"choose another tracker ({FALLBACK})"
+        )
+        raise RecoveryError(msg) from err
+    limit_threads()
+    if name == SIAMRPN:
+        return SiamRpnMatcher(load_siamrpn(Path(file)))
+    return CompactMatcher(load_compact(Path(file) if file else SHIPPED))
