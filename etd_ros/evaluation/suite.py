@@ -94,7 +94,12 @@ COLUMNS = tuple(field.name for field in fields(TargetResult))
 
 
 def evaluate(
-    sequences: Iterable[Simulated], *, method: str = DEFAULT_METHOD, settings: Settings | None = None, jobs: int = 1
+    sequences: Iterable[Simulated],
+    *,
+    method: str = DEFAULT_METHOD,
+    settings: Settings | None = None,
+    jobs: int = 1,
+    first_label_s: float = FIRST_LABEL_S,
 ) -> Iterator[list[TargetResult]]:
     """Results of the targets of each sequence, in order, as they come.
 
@@ -103,8 +108,10 @@ def evaluate(
         method: one of METHODS.
         settings: of all stages.
         jobs: processes at work at once.
+        first_label_s: from when on targets start (s).
     """
-    return of_each(partial(evaluate_sequence, method=method, settings=settings), sequences, jobs)
+    one = partial(evaluate_sequence, method=method, settings=settings, first_label_s=first_label_s)
+    return of_each(one, sequences, jobs)
 
 
 def of_each(one: Callable[[Simulated], T], sequences: Iterable[Simulated], jobs: int) -> Iterator[T]:
@@ -118,13 +125,17 @@ def of_each(one: Callable[[Simulated], T], sequences: Iterable[Simulated], jobs:
 
 
 def evaluate_sequence(
-    sequence: Simulated, *, method: str = DEFAULT_METHOD, settings: Settings | None = None
+    sequence: Simulated,
+    *,
+    method: str = DEFAULT_METHOD,
+    settings: Settings | None = None,
+    first_label_s: float = FIRST_LABEL_S,
 ) -> list[TargetResult]:
     """Results of a sequence's targets, in the order of the scene; those of which half can be seen at one label
     at most are left out."""
     scene = sequence.scene()
     events = concatenate(list(sequence.events(scene, start_ns=START_NS)))
-    truth = {name: labels for name in scene.targets if len(labels := _labels(scene, name)) > 1}
+    truth = {name: labels for name in scene.targets if len(labels := _labels(scene, name, first_label_s)) > 1}
     starts = [TargetStart(name, labels[0].box, labels[0].stamp_ns) for name, labels in truth.items()]
     tracks: dict[str, list[TrackRow]] = {name: [] for name in truth}
     for step in track(StreamGuard().feed(events), starts, method=method, settings=settings, threads=False):
@@ -149,8 +160,8 @@ def write_results(path: Path, results: Iterable[TargetResult]) -> None:
             writer.writerow(f"{value:.3f}" if isinstance(value, float) else value for value in values)
 
 
-def _labels(scene: Scene, name: str) -> list[TimedBox]:
-    steps = range(round(FIRST_LABEL_S / LABEL_S), round(scene.duration_s / LABEL_S))
+def _labels(scene: Scene, name: str, first_label_s: float) -> list[TimedBox]:
+    steps = range(round(first_label_s / LABEL_S), round(scene.duration_s / LABEL_S))
     times_s = [step * LABEL_S for step in steps]
     return [TimedBox(_stamp_ns(time_s), box) for time_s, box in true_boxes(scene, name, times_s)]
 

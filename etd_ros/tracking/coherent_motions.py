@@ -17,6 +17,8 @@ from etd_ros.tracking.turning import Turned
 
 STEPS_PX = ((0.5, 2), (0.25, 1))
 """(distance of the candidates (pixels at the end of the motion), how many of them to each side), coarse to fine."""
+ALONG_STEPS_PX = ((1.0, 4), (0.5, 2), (0.25, 1))
+"""The same of those in a direction that is known."""
 FAST_STEP_PX, FAST_STEPS = 2.0, 4
 """Motions farther off are tried up to so many of these steps away (pixels at the end of the motion)."""
 CHANGE_WEIGHT = 0.001
@@ -111,6 +113,15 @@ class CoherentMotions:
     def best_of(self, events: Float32Array, time_s: float, velocities: Float64Array) -> Motion:
         """The motion at which the events agree best, of those with these velocities (pixels/s), shape (motions, 2)."""
         return self._best_of(events, time_s, _alike(events), velocities)
+
+    def along(self, events: Float32Array, time_s: float, so_far: Float64Array, direction: Float64Array) -> Motion:
+        """The motion at which the events agree best in a direction (of length 1), near a velocity (pixels/s)."""
+        events = some_of(events)
+        best = self.best_of(events, time_s, (so_far @ direction * direction)[None])
+        for step_px, reach in ALONG_STEPS_PX:
+            speeds = best.velocity @ direction + np.arange(-reach, reach + 1) * step_px / time_s
+            best = self.best_of(events, time_s, speeds[:, None] * direction)
+        return best
 
     def agreement_if(self, turned: Turned, events: Float32Array, time_s: float) -> float:
         """How well the events agree if the target has moved, turned and grown so."""

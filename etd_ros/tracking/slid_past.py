@@ -39,6 +39,10 @@ class SlidPast:
         self._velocity: Velocity | None = None
         self._across_share = SHARE
 
+    def begin(self, velocity: Velocity, all_go: Direction) -> None:
+        """The target's start says that it goes the way of all, at this velocity, x and y (pixels/s)."""
+        self._last, self._velocity, self.direction = None, velocity, all_go
+
     def take(self, x: float, y: float, stamp_ns: int, body: Body, all_go: Direction | None) -> None:
         """Take where a look finds the target.
 

@@ -8,12 +8,14 @@ import math
 import numpy as np
 
 from etd_ros.tracking.body import pair
+from etd_ros.tracking.camera_slide import Direction
 from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions
 from etd_ros.tracking.contour_drawing import splat
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows
 from etd_ros.tracking.growth import FLOW_MARGIN_PX, START_SPAN_S, arm_px, growth_trust, stands_alone
+from etd_ros.tracking.slid_past import ALONG_MIN_PX_S
 from etd_ros.tracking.start_events import Reading, StartEvents, as_looks_see, some_of
 from etd_ros.tracking.surface import TimeSurface, Window
 from etd_ros.tracking.surroundings import LATE_S, Surroundings
@@ -53,6 +55,9 @@ SHAPE_AROUND_MAX = 0.04
 """Where more is round a box, for each pixel, the events in its corners may be of that, too."""
 APART_PX = 3.0
 """After so much motion, events that move like the ring can be told from the target's."""
+SLIDES_AGREES = 0.995
+"""It goes the way of all that a sliding camera sees if its events agree so many times as well in that direction: those
+of what moves by itself do not, once it has gone a pixel across."""
 DRAWN_MIN_PX = 1.0
 """What lies behind has drawn the velocity along where both differ by so much at the end; by less they stray anyway."""
 NEXT_STEPS = np.array([(right, down) for down in (-1, 0, 1) for right in (-1, 0, 1)])
@@ -178,6 +183,7 @@ class StartUp:
                 told = self._motions.told_apart(events, time_s, self._read.velocity)
                 if math.dist(told.tolist(), self._read.velocity.tolist()) * time_s >= DRAWN_MIN_PX:
                     self._read.velocity = told
+        goes_with_all = self._take_slide(surface.slide, events, time_s)
         body.velocity = pair(self._read.velocity)
         body.be_at(*pair(self._pose[:2] + self._read.velocity * time_s))
         contours.change_since(self._pose_at_first, self._growing_per_s, self._turning_rad_s, time_s)
@@ -186,8 +192,23 @@ class StartUp:
             # So far the surface was kept up to date where it was believed.
             contours.keep(surface)
         if is_over:
+            if surface.slide is not None and goes_with_all:
+                contours.slid_past.begin(body.velocity, surface.slide)
             self._finish(events, moved, surface)
         return is_over
+
+    def _take_slide(self, all_go: Direction | None, events: Float32Array, time_s: float) -> bool:
+        """Whether the target goes the way of all that a sliding camera sees, as far as that is known: its velocity is
+        the best in that direction then."""
+        if all_go is None or any(self._outline_px_s()) or time_s <= 0 or len(events) < EVENTS_MIN:
+            return False
+        direction, so_far = np.array(all_go), self._read.velocity
+        slid = self._motions.along(events, time_s, so_far, direction)
+        free = self._motions.best_of(some_of(events), time_s, so_far[None])
+        if slid.velocity @ direction < ALONG_MIN_PX_S or slid.agreement < SLIDES_AGREES * free.agreement:
+            return False
+        self._read.velocity = slid.velocity
+        return True
 
     def _is_before_what_moves_otherwise(self, events: Float32Array, velocity: Float64Array, time_s: float) -> bool:
         """Whether what is round the target moves as one, and otherwise than the target does if it does not turn

@@ -196,6 +196,17 @@ def test_two_processes_find_what_one_finds():
     assert [[result.sequence for result in results] for results in alone] == [["ball"], ["spin", "spin"]]
 
 
+def test_targets_that_start_later_have_fewer_labels():
+    sequence = dataclasses.replace(SUITE["ball"], recipe=dataclasses.replace(SUITE["ball"].recipe, duration_s=0.25))
+    labels = [
+        result.labels
+        for late_s in (0.1, 0.2)
+        for results in evaluate([sequence], method="etd-nr", first_label_s=late_s)
+        for result in results
+    ]
+    assert labels == [14, 4]
+
+
 def test_random_sequences_and_settings_are_taken(capsys):
     arguments = [
         "evaluate",

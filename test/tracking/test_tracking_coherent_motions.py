@@ -61,6 +61,13 @@ def test_the_best_of_some_velocities_is_that_of_the_events():
     assert motions().best_of(events_of((50.0, 0.0)), TIME_S, velocities).velocity.tolist() == [50.0, 0.0]
 
 
+def test_the_best_motion_in_a_direction_is_found_though_another_was_believed():
+    direction = np.array([0.8, 0.6])
+    found = motions().along(events_of(100.0 * direction), TIME_S, np.array([60.0, 20.0]), direction)
+    np.testing.assert_allclose(found.velocity / np.hypot(*found.velocity), direction)
+    assert np.hypot(*(found.velocity - 100.0 * direction)) * TIME_S < 0.4
+
+
 def test_events_of_what_turns_agree_if_it_has_turned():
     events = events_of((30.0, 0.0), turning_rad_s=6.0)
     along, turned = (

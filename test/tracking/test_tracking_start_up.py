@@ -160,3 +160,34 @@ def test_a_start_that_no_other_box_reaches_into_has_one_reading():
     start = StartUp(contours)
     start._collect(np.ones((30, 4), np.float32), 0.01, 10_000_000)
     assert start._every is start._own is start._read
+
+
+def started_in_slide(all_go):
+    """The start of a checked square that moves along a row, before a camera that slides in a direction."""
+    scene = scene_of(Waypoint(0, 40, 70), Waypoint(0.3, 76, 70), duration_s=0.3)
+    contours = Contours(scene.box("thing", 0.0), START_NS, ContourConfig())
+    start, surface = StartUp(contours), TimeSurface(WIDTH, HEIGHT)
+    surface.slide = all_go
+    for frame in frames_of(scene):
+        surface.take(frame.stamp_ns, frame.data, frame.start_ns)
+        if start.take(surface, contours.keep(surface)):
+            break
+    return contours
+
+
+@pytest.mark.parametrize("off_deg", [0.3, -0.3])
+def test_what_goes_the_way_of_all_before_a_sliding_camera_is_held_to_it_from_its_start(off_deg):
+    off_rad = math.radians(off_deg)
+    all_go = math.cos(off_rad), math.sin(off_rad)
+    contours = started_in_slide(all_go)
+    assert contours.slid_past.direction == all_go
+    right, down = contours.body.velocity
+    assert math.atan2(down, right) == pytest.approx(off_rad)
+
+
+@pytest.mark.parametrize("off_deg", [30, -30, 180])
+def test_what_goes_otherwise_before_a_sliding_camera_starts_as_it_goes(off_deg):
+    off_rad = math.radians(off_deg)
+    contours = started_in_slide((math.cos(off_rad), math.sin(off_rad)))
+    assert contours.slid_past.direction is None
+    assert contours.body.velocity == pytest.approx(started_in_slide(None).body.velocity, abs=5.0)
