@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,6 +22,19 @@ from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
 
 Direction = tuple[float, float]
 """x and y, of length 1."""
+
+
+class Slide(NamedTuple):
+    """What a sliding camera sees.
+
+    Attributes:
+        direction: in which all moves.
+        since_ns: it has done so at least from then on (ns), but for `TURNS_RAD`.
+    """
+
+    direction: Direction
+    since_ns: int
+
 
 COLUMNS, ROWS = 128, 96
 """A picture has at most so many cells, each of as many pixels as that takes."""
@@ -58,6 +72,8 @@ BLOCK_AGREES_RAD, BLOCKS_MIN, DISSENT_CLEAR = math.radians(5), 3, 3.0
 AGREES_RAD, AGREEING_MIN = math.radians(1), 3
 """It is known if so many of the last PICTURES clear comparisons agree with their median to this: these span the time of
 two that have nothing in common, in which a hand goes another way."""
+TURNS_RAD = math.radians(2)
+"""What has turned by more is another direction since."""
 UNCLEAR_MAX = 4
 """After so many comparisons in a row that are not clear it is not known any more."""
 
@@ -89,14 +105,14 @@ class CameraSlide:
         self._last_ns: int | None = None
         self._picture: Float32Array | None = None
         self._compared = 0
-        self._before: list[Float32Array] = []
+        self._before: list[_Edges] = []
         self._lit.fill(0)
 
     @property
-    def direction(self) -> Direction | None:
-        """In which all moves; None while that is not known."""
+    def slide(self) -> Slide | None:
+        """In which direction all moves; None while that is not known."""
         angle = self._sure.angle
-        return None if angle is None else (math.cos(angle), math.sin(angle))
+        return None if angle is None else Slide((math.cos(angle), math.sin(angle)), self._sure.since_ns)
 
     def take(self, stamp_ns: int, start_ns: int, data: npt.NDArray[np.uint8]) -> None:
         """Take a frame: its end and start (ns), and its levels, uint8, shape (height, width, 2). What is to be done is
@@ -109,7 +125,9 @@ class CameraSlide:
         else:
             if self._before:
                 self._conclude()
-            self._before = [*self._before[1 - PICTURES :], _whitened(_spectrum(self._picture))]
+            assert self._last_ns is not None
+            edges = _Edges(_whitened(_spectrum(self._picture)), self._last_ns)
+            self._before = [*self._before[1 - PICTURES :], edges]
             self._picture, self._compared = None, 0
 
     def _taken(self, stamp_ns: int, start_ns: int, data: npt.NDArray[np.uint8]) -> Float32Array | None:
@@ -135,7 +153,7 @@ class CameraSlide:
             for place, size in zip(divmod(number, BLOCKS), picture.shape, strict=True)
         )
         block[part] = picture[part]
-        product = cv2.mulSpectrums(_spectrum(block), self._before[0], 0, conjB=True)
+        product = cv2.mulSpectrums(_spectrum(block), self._before[0].spectrum, 0, conjB=True)
         alike = np.asarray(cv2.idft(product, flags=cv2.DFT_REAL_OUTPUT | cv2.DFT_SCALE), np.float32)
         alike /= max(float(alike.std()), 1e-9)
         self._ways[number] = likeness_along(
@@ -151,7 +169,8 @@ class CameraSlide:
             off = abs(between(block_angle, angle))
             agreeing += off < BLOCK_AGREES_RAD and block_clearness > BLOCK_CLEAR
             dissenting |= off > APART_RAD and block_clearness > DISSENT_CLEAR
-        self._sure.learn(angle if clearness > CLEAR and agreeing >= BLOCKS_MIN and not dissenting else None)
+        is_clear = clearness > CLEAR and agreeing >= BLOCKS_MIN and not dissenting
+        self._sure.learn(angle if is_clear else None, self._before[0].stamp_ns)
         if len(self._before) < PICTURES:
             return
         shortest, longest = WAY_CELLS
@@ -162,31 +181,48 @@ class CameraSlide:
             self._time_s = max(self._time_s / TIME_FACTOR, SHORTEST_S)
 
 
+class _Edges(NamedTuple):
+    """A picture of edges: its whitened spectrum, and when it was taken (ns)."""
+
+    spectrum: Float32Array
+    stamp_ns: int
+
+
 class _SureDirection:
     """A direction about which comparisons agree.
 
     Attributes:
         angle: its angle (rad); None while it is not known.
+        since_ns: from when on that is known (ns).
     """
 
     def __init__(self) -> None:
         self.angle: float | None = None
-        self._angles: deque[float] = deque(maxlen=PICTURES)
+        self.since_ns = 0
+        self._at_first = 0.0
+        self._comparisons: deque[tuple[float, int]] = deque(maxlen=PICTURES)
         self._unclear = 0
 
-    def learn(self, angle: float | None) -> None:
-        """Take what a comparison says (rad); None if that is not clear."""
+    def learn(self, angle: float | None, from_ns: int) -> None:
+        """Take what a comparison with a picture of before (ns) says (rad); None if that is not clear."""
         if angle is None:
             self._unclear += 1
             if self._unclear >= UNCLEAR_MAX:
-                self._angles.clear()
+                self._comparisons.clear()
                 self.angle = None
             return
         self._unclear = 0
-        self._angles.append(angle)
-        offs = np.array([between(each, angle) for each in self._angles])
+        self._comparisons.append((angle, from_ns))
+        offs = np.array([between(each, angle) for each, _ in self._comparisons])
         agreeing = np.abs(offs - np.median(offs)) < AGREES_RAD
-        self.angle = angle + float(offs[agreeing].mean()) if agreeing.sum() >= AGREEING_MIN else None
+        if agreeing.sum() < AGREEING_MIN:
+            self.angle = None
+            return
+        was_known = self.angle is not None
+        self.angle = angle + float(offs[agreeing].mean())
+        if not was_known or abs(between(self.angle, self._at_first)) > TURNS_RAD:
+            self._at_first = self.angle
+            self.since_ns = min(ns for (_, ns), agrees in zip(self._comparisons, agreeing, strict=True) if agrees)
 
 
 def between(angle: float, other: float) -> float:

@@ -267,7 +267,7 @@ class MultiTracker:
             self._camera_slide.take(surface.stamp_ns, surface.start_ns, frame)
         else:
             self._camera_slide.forget()
-        surface.slide = self._camera_slide.direction
+        surface.slide = self._camera_slide.slide
 
     def _room(self) -> int | None:
         """How many more there may be; None where that has no limit."""

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from etd_ros.tracking.body import pair
-from etd_ros.tracking.camera_slide import Direction
+from etd_ros.tracking.body import Standing, pair
+from etd_ros.tracking.camera_slide import Slide
 from etd_ros.tracking.coherent_motions import GRID_MARGIN, STEPS_PX, Apart, CoherentMotions
 from etd_ros.tracking.contour_drawing import splat
 from etd_ros.tracking.contour_kernels import Float32Array, Float64Array
@@ -192,22 +192,22 @@ class StartUp:
             # So far the surface was kept up to date where it was believed.
             contours.keep(surface)
         if is_over:
-            if surface.slide is not None and goes_with_all:
-                contours.slid_past.begin(body.velocity, surface.slide)
+            at_first = Standing(self._start_ns, self._pose_at_first, body.velocity)
+            contours.slid_past.begin(at_first, surface.slide if goes_with_all else None)
             self._finish(events, moved, surface)
         return is_over
 
-    def _take_slide(self, all_go: Direction | None, events: Float32Array, time_s: float) -> bool:
+    def _take_slide(self, slide: Slide | None, events: Float32Array, time_s: float) -> bool:
         """Whether the target goes the way of all that a sliding camera sees, as far as that is known: its velocity is
         the best in that direction then."""
-        if all_go is None or any(self._outline_px_s()) or time_s <= 0 or len(events) < EVENTS_MIN:
+        if slide is None or any(self._outline_px_s()) or time_s <= 0 or len(events) < EVENTS_MIN:
             return False
-        direction, so_far = np.array(all_go), self._read.velocity
-        slid = self._motions.along(events, time_s, so_far, direction)
+        direction, so_far = np.array(slide.direction), self._read.velocity
+        along = self._motions.along(events, time_s, so_far, direction)
         free = self._motions.best_of(some_of(events), time_s, so_far[None])
-        if slid.velocity @ direction < ALONG_MIN_PX_S or slid.agreement < SLIDES_AGREES * free.agreement:
+        if along.velocity @ direction < ALONG_MIN_PX_S or along.agreement < SLIDES_AGREES * free.agreement:
             return False
-        self._read.velocity = slid.velocity
+        self._read.velocity = along.velocity
         return True
 
     def _is_before_what_moves_otherwise(self, events: Float32Array, velocity: Float64Array, time_s: float) -> bool:

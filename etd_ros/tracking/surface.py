@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from etd_ros.boxes import Box
-from etd_ros.tracking.camera_slide import Direction
+from etd_ros.tracking.camera_slide import Slide
 from etd_ros.tracking.contour_kernels import Float32Array
 from etd_ros.tracking.edge_flow import EdgeFlow, EdgeFlows, edge_flow, edge_flows
 from etd_ros.tracking.flash import is_flash
@@ -45,7 +45,7 @@ class TimeSurface:
         is_flash: whether it is of light that changed everywhere, so that there is nothing in it to keep.
         has_just_halted: whether the camera has come to a halt just now, so that what stands has no events.
         sees_motion: whether pixels fire all over the sensor, as before a camera that moves.
-        slide: the direction in which all moves that a sliding camera sees; None where that is not known.
+        slide: what all do that a sliding camera sees; None where that is not known.
         width, height: sensor size (pixels).
     """
 
@@ -56,7 +56,7 @@ class TimeSurface:
         self.start_ns = NEVER_NS
         self.before_ns = NEVER_NS
         self.keeps_all = self.is_flash = self.has_just_halted = self.sees_motion = False
-        self.slide: Direction | None = None
+        self.slide: Slide | None = None
         self._times = np.full((height, width, 2), NEVER_NS, np.int64)
         self._points = np.empty((POINTS_MAX, 4), np.float32)
         self._times_of_rows = self._times.reshape(height, 2 * width)

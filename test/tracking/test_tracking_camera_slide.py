@@ -81,7 +81,7 @@ def swinging(places, nearness, time_s):
 
 
 def off_rad(slide, angle_rad):
-    x, y = slide.direction
+    x, y = slide.slide.direction
     return abs(between(math.atan2(y, x), angle_rad))
 
 
@@ -100,7 +100,7 @@ def test_the_direction_is_known_on_sensors_of_any_size(size):
 
 def test_the_direction_of_a_slow_slide_is_known_later():
     slide = watch(CameraSlide(240, 180), sliding(0.5, 15.0), for_s=0.3)
-    assert slide.direction is None
+    assert slide.slide is None
     assert off_rad(watch(slide, sliding(0.5, 15.0), from_s=0.3, for_s=3.0), 0.5) < 2 * OFF_MAX_RAD
 
 
@@ -108,33 +108,43 @@ def test_the_direction_of_a_slow_slide_is_known_later():
 def test_there_is_no_direction_of_what_goes_in_many(moved):
     slide = CameraSlide(240, 180)
     for from_s in np.arange(0.0, 1.2, 0.1):
-        assert watch(slide, moved, from_s=from_s, for_s=0.1).direction is None
+        assert watch(slide, moved, from_s=from_s, for_s=0.1).slide is None
 
 
 def test_nothing_moves_in_a_direction_before_a_camera_that_stands():
-    assert watch(CameraSlide(240, 180), lambda places, nearness, time_s: places).direction is None
+    assert watch(CameraSlide(240, 180), lambda places, nearness, time_s: places).slide is None
 
 
 def test_frames_without_events_say_nothing():
-    assert watch(CameraSlide(240, 180), lambda places, nearness, time_s: places + 1e6).direction is None
+    assert watch(CameraSlide(240, 180), lambda places, nearness, time_s: places + 1e6).slide is None
 
 
 @pytest.mark.parametrize("size", [(2000, 3), (3, 2000), (1, 1)])
 def test_a_sensor_that_is_lower_than_a_cell_shows_no_direction(size):
     width, height = size
-    assert watch(CameraSlide(width, height), sliding(0.5), width=width, height=height, for_s=0.6).direction is None
+    assert watch(CameraSlide(width, height), sliding(0.5), width=width, height=height, for_s=0.6).slide is None
 
 
 def test_what_was_known_is_forgotten_with_the_stream():
     slide = watch(CameraSlide(240, 180), sliding(0.5))
     slide.forget()
-    assert slide.direction is None
+    assert slide.slide is None
     assert off_rad(watch(slide, sliding(1.5)), 1.5) < OFF_MAX_RAD
 
 
 def test_a_new_direction_takes_the_place_of_the_one_before():
     slide = watch(CameraSlide(240, 180), sliding(0.5))
     assert off_rad(watch(slide, sliding(1.5), from_s=1.2), 1.5) < OFF_MAX_RAD
+
+
+def test_the_direction_is_known_to_have_been_since_the_first_pictures():
+    slide = watch(CameraSlide(240, 180), sliding(0.5), from_s=1.0)
+    assert slide.slide.since_ns == pytest.approx(1.05e9, abs=0.03e9)
+
+
+def test_what_turns_has_another_direction_since():
+    slide = watch(CameraSlide(240, 180), sliding(0.5))
+    assert 0.6e9 < watch(slide, sliding(1.5), from_s=1.2).slide.since_ns < 1.8e9
 
 
 @given(st.floats(0, 2 * math.pi))

@@ -111,7 +111,7 @@ def test_what_stands_is_there_still_when_something_has_passed_before_it(brakes):
 def test_what_brakes_and_stands_would_be_lost_to_what_passes_if_nobody_knew_that_it_stood(monkeypatch):
     monkeypatch.setattr(LastClear, "stand", lambda self: None)
     # What passes goes the way that the thing came: both are taken for what a camera slides past, which helps as well.
-    monkeypatch.setattr(CameraSlide, "direction", None)
+    monkeypatch.setattr(CameraSlide, "slide", None)
     *_, (_, report, truth) = tracked(stood(brakes=True))
     assert overlap(report, truth) < 0.5
 

@@ -10,6 +10,7 @@ from etd_ros.boxes import Box
 from etd_ros.simulation import Path, Scene, Sprite, Waypoint
 from etd_ros.simulation.textures import checks
 from etd_ros.tracking import ContourConfig, MultiTracker
+from etd_ros.tracking.camera_slide import Slide
 from etd_ros.tracking.coherent_motions import CoherentMotions
 from etd_ros.tracking.contours import Contours
 from etd_ros.tracking.start_up import DRAWN_MIN_PX, StartUp
@@ -162,12 +163,12 @@ def test_a_start_that_no_other_box_reaches_into_has_one_reading():
     assert start._every is start._own is start._read
 
 
-def started_in_slide(all_go):
+def started_in_slide(direction):
     """The start of a checked square that moves along a row, before a camera that slides in a direction."""
     scene = scene_of(Waypoint(0, 40, 70), Waypoint(0.3, 76, 70), duration_s=0.3)
     contours = Contours(scene.box("thing", 0.0), START_NS, ContourConfig())
     start, surface = StartUp(contours), TimeSurface(WIDTH, HEIGHT)
-    surface.slide = all_go
+    surface.slide = Slide(direction, START_NS) if direction is not None else None
     for frame in frames_of(scene):
         surface.take(frame.stamp_ns, frame.data, frame.start_ns)
         if start.take(surface, contours.keep(surface)):
@@ -178,9 +179,9 @@ def started_in_slide(all_go):
 @pytest.mark.parametrize("off_deg", [0.3, -0.3])
 def test_what_goes_the_way_of_all_before_a_sliding_camera_is_held_to_it_from_its_start(off_deg):
     off_rad = math.radians(off_deg)
-    all_go = math.cos(off_rad), math.sin(off_rad)
-    contours = started_in_slide(all_go)
-    assert contours.slid_past.direction == all_go
+    direction = math.cos(off_rad), math.sin(off_rad)
+    contours = started_in_slide(direction)
+    assert contours.slid_past.direction == direction
     right, down = contours.body.velocity
     assert math.atan2(down, right) == pytest.approx(off_rad)
 
