@@ -21,6 +21,7 @@ from rich.progress import track
 
 from etd_ros.boxes import iou
 from etd_ros.commands.track import read_settings
+from etd_ros.errors import EtdError
 from etd_ros.evaluation import read_boxes
 from etd_ros.reconstruction import HighPassFilter
 from etd_ros.recordings import open_recording
@@ -67,19 +68,30 @@ def main() -> None:
     parser.add_argument("--recording", type=Path, help="losses on a labelled recording instead of simulated ones")
     parser.add_argument("--boxes", type=Path, help="its labels (target,stamp_ns,x,y,w,h)")
     parser.add_argument("--choose", action="store_true", help="print the compact network's best operating points")
-    options = parser.parse_args()
+    try:
+        compare(parser.parse_args())
+    except EtdError as error:
+        parser.error(str(error))
+
+
+def compare(options: argparse.Namespace) -> None:
+    """The same of what was asked for.
+
+    Raises:
+        EtdError: what was asked for cannot be made or read.
+    """
     cv2.setNumThreads(1)
     config = dataclasses.replace(read_settings(None, options.set).recovery, compact_model=options.weights)
     if options.choose:
         print(operating_points(losses(options.seeds, CHOOSING_SEED), config))
         return
+    makers = {name: maker(name, config) for name in options.trackers.split(",")}
     shown = (
         recorded_losses(options.recording, options.boxes)
         if options.recording
         else losses(options.seeds, REPORTING_SEED)
     )
-    rows = [row(name, maker(name, config), shown) for name in options.trackers.split(",")]
-    print(table(rows))
+    print(table([row(name, make_tracker, shown) for name, make_tracker in makers.items()]))
 
 
 def losses(seeds: int, first_seed: int) -> list[Episode]:
