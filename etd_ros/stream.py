@@ -43,6 +43,7 @@ class Restart(str, Enum):
     ENCODING = "the encoding changed"
     GAP = "messages were lost"
     """The publisher's sequence number did not go up by one (where it went back with the time, a bag loops)."""
+    DROPPED = "this node did not keep up and dropped messages: give it less to do, or a longer queue (queue_s)"
     PAUSE = "nobody read for a while"
     """A node reads no events while nobody wants what it makes, or while it is not active."""
 
@@ -102,7 +103,9 @@ class StreamGuard:
         """Have another configuration hold from the next batch on."""
         self._step_back_max_ns = round(config.step_back_max_s * NS_PER_S)
 
-    def feed(self, events: Events, seq: int | None = None, encoding: str | None = None) -> Iterator[StreamBatch]:
+    def feed(
+        self, events: Events, seq: int | None = None, encoding: str | None = None, dropped: int = 0
+    ) -> Iterator[StreamBatch]:
         """Take the next batch; yield it as one or more batches of streams, without a copy where nothing is wrong.
 
         After RESTARTS_MAX long steps back in one batch the latest time is held over all others.
@@ -111,8 +114,9 @@ class StreamGuard:
             events: decoded events, which may step back in time; an empty batch yields nothing.
             seq: the message's sequence number, where its type has one.
             encoding: the message's encoding, where known.
+            dropped: messages before it that came and were not to be fed: these are not lost.
         """
-        self._note_changes(events, seq, encoding)
+        self._note_changes(events, seq, encoding, dropped)
         restarts_left = RESTARTS_MAX
         while len(events):
             latest_ns = int(events.t[0]) if self._latest_ns is None else self._latest_ns
@@ -124,10 +128,13 @@ class StreamGuard:
                 self._end_stream(Restart.TIME_STEP_BACK)
                 restarts_left -= 1
 
-    def _note_changes(self, events: Events, seq: int | None, encoding: str | None) -> None:
-        if self._seq is not None and seq is not None and seq != self._seq + 1:
+    def _note_changes(self, events: Events, seq: int | None, encoding: str | None, dropped: int) -> None:
+        missing = 0 if self._seq is None or seq is None else seq - self._seq - 1
+        if 0 < missing <= dropped:
+            self._end_stream(Restart.DROPPED)
+        elif missing != 0:
             self.counters.gaps += 1
-            lost = seq - self._seq - 1
+            lost = missing - dropped if missing > 0 else missing
             self.counters.lost_messages += lost if 0 < lost <= LOST_MESSAGES_MAX else 0
             starts_again = lost < 0 and self._steps_back(events)
             self._end_stream(Restart.TIME_STEP_BACK if starts_again else Restart.GAP)

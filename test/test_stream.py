@@ -101,6 +101,16 @@ def test_a_gap_in_the_sequence_starts_a_new_stream_and_counts_what_was_lost():
     assert guard.counters.lost_messages == 3
 
 
+def test_messages_that_were_dropped_on_the_way_to_it_are_no_losses():
+    guard = StreamGuard()
+    list(guard.feed(events_at(1), seq=4))
+    assert [batch.restart for batch in guard.feed(events_at(2), seq=7, dropped=2)] == [Restart.DROPPED]
+    assert (guard.counters.gaps, guard.counters.lost_messages) == (0, 0)
+    assert [batch.restart for batch in guard.feed(events_at(3), seq=13, dropped=2)] == [Restart.GAP]
+    assert (guard.counters.gaps, guard.counters.lost_messages) == (1, 3)
+    assert [batch.restart for batch in guard.feed(events_at(4), seq=14, dropped=2)] == [None]
+
+
 def test_a_sequence_that_starts_again_is_a_gap_of_unknown_length():
     guard = StreamGuard()
     list(guard.feed(events_at(1), seq=100))

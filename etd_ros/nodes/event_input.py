@@ -60,19 +60,31 @@ class EventDecoding:
         settings: of the node.
         resumes: whether events were read before: what was missed since then ends their stream.
         counters: of all publishers so far.
+        dropped: how many messages the node has dropped so far.
     """
 
     def __init__(
-        self, type_name: str, settings: Settings, *, resumes: bool, counters: EventCounters | None = None
+        self,
+        type_name: str,
+        settings: Settings,
+        *,
+        resumes: bool,
+        counters: EventCounters | None = None,
+        dropped: int = 0,
     ) -> None:
         self._counters = counters or EventCounters()
         self.guard = StreamGuard(settings.stream, self._counters.stream)
         self._decoder = decoder_for(type_name, Layout.ROS2)
         self._clock = SensorClock()
         self._resumes = resumes
+        self._dropped = dropped
 
-    def decode(self, message: bytes) -> Iterator[tuple[EventMessage, StreamBatch]]:
+    def decode(self, message: bytes, dropped: int = 0) -> Iterator[tuple[EventMessage, StreamBatch]]:
         """The message's batches, each with the message it came from.
+
+        Args:
+            message: its bytes.
+            dropped: how many messages the node has dropped so far, from wherever they came.
 
         Raises:
             MessageError: the message cannot be decoded.
@@ -88,7 +100,8 @@ class EventDecoding:
         counters.skipped_words += decoded.skipped_words
         counters.off_sensor += decoded.off_sensor
         events = self._clock.to_ros(decoded)
-        for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding):
+        just_dropped, self._dropped = max(dropped - self._dropped, 0), dropped
+        for batch in self.guard.feed(events, seq=decoded.seq, encoding=decoded.encoding, dropped=just_dropped):
             if self._resumes:
                 self._resumes = False
                 counters.stream.restarts += 1
@@ -199,7 +212,13 @@ class EventInput:
             self._node.warn(f"{self._topic} carries {type_name}: build and source {type_name.split('/')[0]}")
             return
         resumes = self._decoding is not None
-        decoding = EventDecoding(type_name, self._node.settings, resumes=resumes, counters=self.counters)
+        decoding = EventDecoding(
+            type_name,
+            self._node.settings,
+            resumes=resumes,
+            counters=self.counters,
+            dropped=self._node.dropped.dropped_messages,
+        )
 
         def on_message(message: bytes) -> None:
             received_s = self._arrivals.note()
@@ -218,7 +237,7 @@ class EventInput:
             self._node.get_logger().info(f"not reading {self._type_name} from {self._topic} any more")
 
     def _decode(self, decoding: EventDecoding, message: bytes, received_s: float) -> None:
-        for decoded, batch in decoding.decode(message):
+        for decoded, batch in decoding.decode(message, self._node.dropped.dropped_messages):
             if batch.restart is not None:
                 say = self._node.get_logger().info if batch.restart is Restart.PAUSE else self._node.warn
                 say(f"the event stream starts anew: {batch.restart.value}")

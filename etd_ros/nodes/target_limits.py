@@ -68,10 +68,10 @@ class LostTimes:
 
 
 class _Unsaid(NamedTuple):
-    """How many were refused without a word since a time (s), and why the last one was."""
+    """How many errors were not told since a time (s), and what there is to say of the last one."""
 
     since_s: float
-    refused: int
+    number: int
     text: str
 
 
@@ -101,7 +101,7 @@ class Refusals:
         self._node.errors += count
         with self._lock:
             before = self._unsaid or _Unsaid(self._now_s(), 0, "")
-            self._unsaid = _Unsaid(before.since_s, before.refused + count, text)
+            self._unsaid = _Unsaid(before.since_s, before.number + count, text)
 
     def say(self, text: str, count: int = 1) -> None:
         """The same for what does not come again and again."""
@@ -109,14 +109,14 @@ class Refusals:
         self._warn(text)
 
     def say_rest(self) -> None:
-        """Say how many were refused without a word, and why the last one was, once the time is over in which they were
-        not to be said. Any thread may call this, often."""
+        """Say how many were not told, and what the last one was, once the time is over in which they were not to be.
+        Any thread may call this, often."""
         with self._lock:
             rest = self._unsaid
             if rest is None or self._now_s() - rest.since_s < REMARKS_PERIOD_S:
                 return
             self._unsaid = None
-        self._warn(f"{rest.refused} more were refused in the last {REMARKS_PERIOD_S:g} s, the last one so: {rest.text}")
+        self._warn(f"{rest.number} more such remarks in the last {REMARKS_PERIOD_S:g} s, the last one: {rest.text}")
 
     def _warn(self, text: str) -> None:
         self._node.get_logger().warning(f"{' '.join(text.split())} ({self._node.errors} so far)")

@@ -40,7 +40,6 @@ from etd_ros.tracking.target import (
     TargetReport,
     TargetState,
     TrackerConfig,
-    starts_again,
 )
 from etd_ros.tracking.turns import Turns
 from etd_ros.tracking.usual_looks import UsualLooks
@@ -93,22 +92,22 @@ class ContourTarget:
         self._search_wait_s = search_wait_s
         self._turns = turns or Turns()
         self._corrector = corrector
-        self._state: TargetState
-        self._contours: Contours
+        self._state = TargetState.IDLE
         self._body: Body
         self._doubts: Doubts
         self._following: Following
-        self._start_up: StartUp | None
-        self._refinement: BoxRefinement | None
-        self._images: ImageSearch
-        self._held: Held | None
         self._set_off: SetOff
         self._swept: Swept
         self._search: ContourSearch
-        self._updated_ns: int
-        self._rests_until_ns: int
-        self.followed_since_ns: int
-        self._wait_for_start()
+        self._follow_contours(Contours(box, stamp_ns, contours))
+        self._start_up: StartUp | None = StartUp(self._contours)
+        self._refinement: BoxRefinement | None = None
+        recovery = recovery_factory() if recovery_factory else None
+        self._images = ImageSearch(recovery, search_wait_s, self._turns)
+        self._first: tuple[Impression, UsualLooks] | None = None
+        self._updated_ns = self.followed_since_ns = 0
+        self._rests_until_ns = NEVER_NS
+        self._held: Held | None = None
 
     @property
     def state(self) -> TargetState:
@@ -308,12 +307,23 @@ class ContourTarget:
         self._body.velocity, self._body.stamp_ns = found.velocity, stamp_ns
         self._go_on(CONFIDENCE_FOUND, is_unsettled=False)
 
+    def waiting(self) -> ContourTarget:
+        """Another that waits for the same start."""
+        return ContourTarget(
+            self.name,
+            self.start_box,
+            self.start_stamp_ns,
+            self._config,
+            self._contour_config,
+            self._surface,
+            self._recovery_factory,
+            self._search_wait_s,
+            self._turns,
+            self._corrector,
+        )
+
     def time_went_back(self, stamp_ns: int) -> None:
-        """The stream starts again with a frame of this stamp (ns): wait for the start again if it is still to come, or
-        go on."""
-        if starts_again(self.start_stamp_ns, stamp_ns):
-            self._wait_for_start()
-            return
+        """The stream starts again with a frame of this stamp (ns): go on."""
         self._body.stamp_ns = self._updated_ns = stamp_ns
         self._rests_until_ns = NEVER_NS
         self._contours.stop()
@@ -334,18 +344,6 @@ class ContourTarget:
         if self._state in (TargetState.RECOVERING, TargetState.LOST):
             self._doubts.stand_here()
             self._search_from(stamp_ns, None)
-
-    def _wait_for_start(self) -> None:
-        self._state = TargetState.IDLE
-        self._follow_contours(Contours(self.start_box, self.start_stamp_ns, self._contour_config))
-        self._start_up = StartUp(self._contours)
-        self._refinement = None
-        recovery = self._recovery_factory() if self._recovery_factory else None
-        self._images = ImageSearch(recovery, self._search_wait_s, self._turns)
-        self._first: tuple[Impression, UsualLooks] | None = None
-        self._updated_ns = self.followed_since_ns = 0
-        self._rests_until_ns = NEVER_NS
-        self._held = None
 
     def _check_sight(self, stamp_ns: int) -> None:
         """Frames may have been missing, or the clock have stepped: where a target that moves is by now is not known."""

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -26,10 +27,29 @@ from etd_ros.tracking.errors import TrackingError
 from etd_ros.tracking.other_targets import OtherTargets
 from etd_ros.tracking.starter import Changes, Starter
 from etd_ros.tracking.surface import TimeSurface
-from etd_ros.tracking.target import FrameData, RecoveryFactory, Search, Target, TargetReport, TargetState, TrackerConfig
+from etd_ros.tracking.target import (
+    FrameData,
+    RecoveryFactory,
+    Search,
+    Target,
+    TargetReport,
+    TargetState,
+    TrackerConfig,
+    starts_again,
+)
 from etd_ros.tracking.turns import Turns
 
 _THREADS = ThreadPoolExecutor(max_workers=os.cpu_count(), thread_name_prefix="targets")
+
+
+@dataclass(frozen=True, slots=True)
+class _SetAside:
+    """A target that was followed when time went back to before its start, what waits for that start in its place, and
+    the time until when it was followed (ns)."""
+
+    target: Target | ContourTarget
+    waiting: Target | ContourTarget
+    stamp_ns: int
 
 
 class MultiTracker:
@@ -91,6 +111,7 @@ class MultiTracker:
         self._drawn_along = DrawnAlong()
         self._other_targets = OtherTargets()
         self._targets: dict[str, Target | ContourTarget] = {}
+        self._set_aside: dict[str, _SetAside] = {}
         self._last_stamp_ns: int | None = None
 
     @property
@@ -215,8 +236,9 @@ class MultiTracker:
         self, stamp_ns: int, frame: FrameData, image: FrameData | None = None, start_ns: int | None = None
     ) -> tuple[TargetReport, ...]:
         """Take the next frame. A stamp below the last one starts the stream again: targets whose start stamp is
-        still to come then wait for it anew at their first box, all others go on from their last box, and those started
-        by themselves are forgotten. What the starter starts on a frame is reported from the next one on.
+        still to come then wait for it anew at their first box (they go on once time is where it was, as after a single
+        message with a wrong stamp), all others go on from their last box, and those started by themselves are
+        forgotten. What the starter starts on a frame is reported from the next one on.
 
         Args:
             stamp_ns: T_i, the end of the frame (ns).
@@ -240,6 +262,7 @@ class MultiTracker:
             self._check_pixels("image", image, (self._height, self._width))
         if self._last_stamp_ns is not None and stamp_ns < self._last_stamp_ns:
             self._go_back(stamp_ns)
+        self._bring_back(stamp_ns)
         self._last_stamp_ns = stamp_ns
         if self._contours is not None:
             self._surface.keeps_all = self._turns.are_many
@@ -281,8 +304,23 @@ class MultiTracker:
         self._drawn_along.time_went_back(stamp_ns)
         self._camera_rest.forget()
         self._camera_slide.forget()
-        for target in self._targets.values():
-            target.time_went_back(stamp_ns)
+        for target in [*self._targets.values()]:
+            if not starts_again(target.start_stamp_ns, stamp_ns):
+                target.time_went_back(stamp_ns)
+            elif target.state is not TargetState.IDLE:
+                self._targets[target.name] = target.waiting()
+                self._set_aside[target.name] = _SetAside(target, self._targets[target.name], self._last_stamp_ns or 0)
+
+    def _bring_back(self, stamp_ns: int) -> None:
+        """Have the targets that wait for their start again go on where time comes back to what it was: it did not go
+        back then, but a message had a wrong stamp."""
+        for name, aside in [*self._set_aside.items()]:
+            still_waits = self._targets.get(name) is aside.waiting and aside.waiting.state is TargetState.IDLE
+            if still_waits and stamp_ns < aside.stamp_ns:
+                continue
+            if still_waits:
+                self._targets[name] = aside.target
+            del self._set_aside[name]
 
     def _change(self, changes: Changes) -> None:
         """Stop and start what the starter says, from the next frame on."""

@@ -146,13 +146,12 @@ class Target:
         self._config = config
         self._detector = detector
         self._recovery_factory = recovery_factory
-        self._candidates: Proposals
-        self._state: TargetState
-        self._last_box: Box
-        self._recovery: RecoveryTracker | None
-        self._failed_at_ns: int
-        self._frames_since_search: int
-        self._wait_for_start()
+        self._candidates = Proposals.none()
+        self._state = TargetState.IDLE
+        self._last_box = box
+        self._recovery = recovery_factory() if recovery_factory else None
+        self._failed_at_ns = 0
+        self._frames_since_search = 0
 
     @property
     def state(self) -> TargetState:
@@ -203,21 +202,15 @@ class Target:
             self._fail(stamp_ns)
         return self._report(self._recover(stamp_ns, image))
 
-    def time_went_back(self, stamp_ns: int) -> None:
-        """The stream starts again with a frame of this stamp (ns): wait for the start again if it is still to come, or
-        go on."""
-        if starts_again(self.start_stamp_ns, stamp_ns):
-            self._wait_for_start()
-        else:
-            self._failed_at_ns = stamp_ns
+    def waiting(self) -> Target:
+        """Another that waits for the same start."""
+        return Target(
+            self.name, self.start_box, self.start_stamp_ns, self._config, self._detector, self._recovery_factory
+        )
 
-    def _wait_for_start(self) -> None:
-        self._state = TargetState.IDLE
-        self._candidates = Proposals.none()
-        self._last_box = self.start_box
-        self._recovery = self._recovery_factory() if self._recovery_factory else None
-        self._failed_at_ns = 0
-        self._frames_since_search = 0
+    def time_went_back(self, stamp_ns: int) -> None:
+        """The stream starts again with a frame of this stamp (ns): go on."""
+        self._failed_at_ns = stamp_ns
 
     def _track(self, frame_data: FrameData) -> float | None:
         """Move to the candidate with the largest IoU with the last box; that IoU, or None for a failure."""

@@ -31,8 +31,13 @@ def shots(repository):
 @pytest.fixture
 def camera(bench: Bench, truth):
     """Beside a pipeline that tracks the demo's ball and drum from the first frame on."""
+    return camera_beside_pipeline(bench)
+
+
+def camera_beside_pipeline(bench: Bench, at: str = "") -> Camera:
+    """The same, whose targets may start at a stamp (`@STAMP_NS`)."""
     made = Camera(bench, "/pipeline/detections")
-    targets = "ball:64.866,34.762,40,40;drum:139.382,47.099,46,36"
+    targets = f"ball:64.866,34.762,40,40{at};drum:139.382,47.099,46,36{at}"
     bench.start("pipeline", ros=(*REMAP, "-p", f"targets:={targets}"))
     made.wait_for_readers()
     return made
@@ -89,6 +94,15 @@ def test_a_step_of_the_clock_moves_no_target(bench, camera, shots, truth, step_n
     assert_right(camera, truth, 1.5, 2.4, step_ns)
     bench.wait_until(lambda: bench.figure("pipeline", "state of ball") == "tracking", "the ball is still tracked")
     bench.wait_until(lambda: counted(bench, "steps back in time") == (step_ns < 0), "the step is counted")
+
+
+@pytest.mark.parametrize("shift_ns", [-2 * S_NS, -FIRST_NS], ids=["2s_back", "0"])
+def test_a_single_message_with_a_wrong_stamp_moves_no_target(bench, shots, truth, shift_ns):
+    camera = camera_beside_pipeline(bench, f"@{FIRST_NS + S_NS // 10}")
+    camera.play(shots[10:120])
+    camera.play([dataclasses.replace(shots[120], shift_ns=shift_ns), *shots[121:250]])
+    assert_right(camera, truth, 1.3, 2.4)
+    bench.wait_until(lambda: counted(bench, "steps back in time") == 1, "the step is counted")
 
 
 def test_a_driver_that_starts_again_counts_from_0_and_the_targets_go_on(bench, camera, shots, truth):

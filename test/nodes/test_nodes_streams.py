@@ -49,6 +49,17 @@ def test_reading_again_after_a_pause_starts_a_new_stream():
     assert (counters.stream.restarts, counters.stream.gaps) == (1, 0)
 
 
+def test_what_the_node_dropped_itself_is_not_told_as_lost():
+    counters = EventCounters()
+    decoding = EventDecoding(PACKET, Settings(), resumes=False, counters=counters, dropped=5)
+    messages = ((0, 5), (3, 7), (4, 7), (6, 7))
+    restarts = [
+        batch.restart for seq, dropped in messages for _, batch in decoding.decode(packet(10 * seq, seq), dropped)
+    ]
+    assert restarts == [None, Restart.DROPPED, None, Restart.GAP]
+    assert (counters.stream.gaps, counters.stream.lost_messages) == (1, 1)
+
+
 def test_a_looping_replay_is_tracked_again_in_its_second_round(bench, repository):
     recording, truth = repository / "bags" / "demo", repository / "bags" / "demo" / "boxes.csv"
     stamps: dict[str, list[int]] = {"/accumulator/frames": [], "/reconstruction/image_raw": []}

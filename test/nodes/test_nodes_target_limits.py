@@ -345,7 +345,7 @@ def test_what_is_refused_without_a_word_is_told_together_when_the_time_is_over()
     for _ in range(2):
         refusals.say_rest()
     (rest,) = node.said[2:]
-    assert rest == "7 more were refused in the last 5 s, the last one so: click 2 is off the sensor (9 so far)"
+    assert rest == "7 more such remarks in the last 5 s, the last one: click 2 is off the sensor (9 so far)"
     assert node.errors == 9
 
 
@@ -354,8 +354,8 @@ def test_a_node_tells_how_many_more_it_has_refused(bench, repository):
     for number in range(7):
         targets.publish(boxes_at(Box(9000, 9000, 10, 10), f"far_{number}"))
     bench.wait_until(lambda: errors(bench) == 7, "all are counted")
-    bench.wait_until(lambda: "more were refused" in bench.log("pipeline"), "the rest is told")
-    (line,) = [line for line in bench.log("pipeline").splitlines() if "more were refused" in line]
+    bench.wait_until(lambda: "more such remarks" in bench.log("pipeline"), "the rest is told")
+    (line,) = [line for line in bench.log("pipeline").splitlines() if "more such remarks" in line]
     assert "'far_6'" in line
     assert "off the 240x180 sensor" in line
 

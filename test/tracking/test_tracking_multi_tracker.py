@@ -216,6 +216,30 @@ def test_time_going_back_starts_stamped_targets_again_and_keeps_the_others():
     assert all(iou(np.array([now.box]), moved(B, 8))[0] > 0.9 for _, now in second)
 
 
+@pytest.mark.parametrize("wrong", [(0,), (0, 1), (1, 0)])
+def test_a_stamped_target_goes_on_after_messages_with_a_wrong_stamp(wrong):
+    tracker = tracker_with()
+    tracker.start("stamped", A, stamp(2))
+    for step in range(2, 9):
+        tracker.update(stamp(step), frame_with(moved(A, step)))
+    for step in wrong:
+        assert tracker.update(stamp(step), frame_with(moved(A, 9)))[0].state is IDLE
+    (report,) = tracker.update(stamp(10), frame_with(moved(A, 9)))
+    assert iou(np.array([report.box]), moved(A, 9))[0] > 0.9
+
+
+def test_a_target_that_was_stopped_or_put_elsewhere_meanwhile_does_not_come_back():
+    tracker = tracker_with()
+    tracker.start("stopped", A, stamp(2))
+    tracker.start("elsewhere", A, stamp(2))
+    for step in (3, 4, 0):
+        tracker.update(stamp(step), frame_with(A))
+    tracker.stop("stopped")
+    tracker.start_again("elsewhere", C, stamp(2))
+    (report,) = tracker.update(stamp(5), frame_with(C))
+    assert iou(np.array([report.box]), C)[0] > 0.9
+
+
 def test_a_stamped_target_goes_on_where_time_goes_back_to_after_its_start():
     tracker = tracker_with()
     tracker.start("stamped", A, stamp(1))

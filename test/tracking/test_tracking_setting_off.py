@@ -186,7 +186,7 @@ def test_a_box_that_starts_with_the_next_frame_has_its_score_from_the_first():
 
 
 def test_what_is_held_sets_off_after_the_stream_has_started_again(monkeypatch):
-    monkeypatch.setattr("etd_ros.tracking.contour_target.starts_again", lambda *_: False)
+    monkeypatch.setattr("etd_ros.tracking.multi_tracker.starts_again", lambda *_: False)
     scene, later_ns = stopping(), 5_000_000_000
     tracker = MultiTracker(WIDTH, HEIGHT, contours=ContourConfig(refine_gain=0.0))
     tracker.start("thing", scene.box("thing", 0.0), START_NS + later_ns)
