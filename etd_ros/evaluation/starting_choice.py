@@ -1,6 +1,6 @@
-"""Finds the weights of the object round a click: on simulated random scenes, whose truth is exact.
+"""Finds the weights of the object round a click: on simulated scenes, whose truth is exact.
 
-`python -m etd_ros.evaluation.starting_choice --random 230 --seed 100` prints those of `PointedObject`.
+`python -m etd_ros.evaluation.starting_choice --random 230 --shelves 80 --seed 100` prints those of `PointedObject`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain, starmap
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +19,8 @@ from etd_ros.boxes import ious
 from etd_ros.engine import track
 from etd_ros.evaluation.starting import CLICK_MEMORY_S, CLICK_PLACES, CLICK_TIMES_S, WELL_SEEN, Things, on_sensor
 from etd_ros.evaluation.suite import NS_PER_S, START_NS
-from etd_ros.events import concatenate
-from etd_ros.simulation import Sequence as Simulated
-from etd_ros.simulation import random_sequences
+from etd_ros.events import Events, concatenate
+from etd_ros.simulation import Scene, random_sequences, shelf_scene, simulate
 from etd_ros.stream import StreamGuard
 from etd_ros.tracking.click_candidates import FEATURES
 from etd_ros.tracking.discovery import Discovery
@@ -32,6 +32,8 @@ POOR_IOU, GOOD_IOU = 0.4, 0.8
 """A candidate is worth 0 up to this IoU with the truth, 1 from that one on."""
 USEFUL_IOU = 0.5
 """A look tells which candidate to choose if its best has this IoU."""
+SHELF_STREAM = 78
+"""Beside the seed: no list of scenes that is measured has these."""
 DECAY = 0.01
 """Weight of the squares of the standardised weights."""
 
@@ -49,11 +51,10 @@ class Example:
     worth: Float64Array
 
 
-def examples(sequence: Simulated) -> Iterator[Example]:
-    """The looks at the clicks of one sequence that have a good candidate: those of `evaluate --start`."""
-    scene = sequence.scene()
+def examples(scene: Scene, events: Events) -> Iterator[Example]:
+    """The looks at the clicks of one scene, whose events these are, that have a good candidate: those of
+    `evaluate --start`."""
     things = Things(scene)
-    events = concatenate(list(sequence.events(scene, start_ns=START_NS)))
     frames = [(step.frame.stamp_ns, step.frame.data) for step in track(StreamGuard().feed(events), [], threads=False)]
     for time_s in CLICK_TIMES_S:
         clicked_ns = START_NS + round(time_s * NS_PER_S)
@@ -80,6 +81,20 @@ def examples(sequence: Simulated) -> Iterator[Example]:
                 overlaps = ious(found.boxes, np.array([on_sensor(truth[name], scene)], np.float64))[:, 0]
                 if overlaps.max(initial=0.0) >= USEFUL_IOU:
                     yield Example(found.features, np.clip((overlaps - POOR_IOU) / (GOOD_IOU - POOR_IOU), 0.0, 1.0))
+
+
+def random_scenes(seeds: Iterable[int]) -> Iterator[tuple[Scene, Events]]:
+    """Random scenes and their events."""
+    for sequence in random_sequences(seeds):
+        scene = sequence.scene()
+        yield scene, concatenate(list(sequence.events(scene, start_ns=START_NS)))
+
+
+def shelf_scenes(seeds: Iterable[int]) -> Iterator[tuple[Scene, Events]]:
+    """Things at different depths that a camera slides past, and their events."""
+    for seed in seeds:
+        scene, sensor = shelf_scene(np.random.default_rng([SHELF_STREAM, seed]))
+        yield scene, concatenate(list(simulate(scene, seed=seed, start_ns=START_NS, config=sensor)))
 
 
 def fitted_weights(of_looks: Iterable[Example]) -> Float64Array:
@@ -111,10 +126,12 @@ def main() -> None:
     """Print the weights."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--random", type=int, default=230, help="how many random scenes")
-    parser.add_argument("--seed", type=int, default=100, help="of the first one")
+    parser.add_argument("--shelves", type=int, default=80, help="how many scenes that a camera slides past")
+    parser.add_argument("--seed", type=int, default=100, help="of the first ones")
     options = parser.parse_args()
-    seeds = range(options.seed, options.seed + options.random)
-    weights = fitted_weights(example for sequence in random_sequences(seeds) for example in examples(sequence))
+    random_seeds, shelf_seeds = (range(options.seed, options.seed + n) for n in (options.random, options.shelves))
+    scenes = chain(random_scenes(random_seeds), shelf_scenes(shelf_seeds))
+    weights = fitted_weights(chain.from_iterable(starmap(examples, scenes)))
     sys.stdout.writelines(f'"{name}": {weight:.2f},\n' for name, weight in zip(FEATURES, weights, strict=True))
 
 

@@ -109,6 +109,8 @@ class Tracker(EtdNode):
         self._pairs = FramePairs(0.0, int(self.options.queue_mib * 2**20))
         self._tracker: MultiTracker | None = None
         self._size = (0, 0)
+        self._stamp_ns = -math.inf
+        self._steps_back = 0
         self._frames = self._images = Arrivals()
 
     def activate(self) -> None:
@@ -146,6 +148,7 @@ class Tracker(EtdNode):
             **super().diagnostics(),
             "frames received": self._frames.messages,
             "frames lost": self._frames.lost,
+            "steps back in time": self._steps_back,
             "images received": self._images.messages,
             "images lost": self._images.lost,
             "frames without image": self._pairs.frames_without_image if self._recovers else 0,
@@ -191,6 +194,10 @@ class Tracker(EtdNode):
             self._track(*pair)
 
     def _track(self, received_s: float, frame: ImageMessage, image: npt.NDArray[np.uint8] | None) -> None:
+        if frame.stamp_ns < self._stamp_ns:
+            self._steps_back += 1
+            self.warn(f"{self.resolve_topic_name('accumulator/frames')}: time went back, and the stream starts anew")
+        self._stamp_ns = frame.stamp_ns
         height, width = frame.data.shape[:2]
         if self._tracker is None or (width, height) != self._size:
             self._size = (width, height)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from etd_ros.boxes import ious
 from etd_ros.tracking.contour_paths import contour_paths
@@ -28,10 +29,7 @@ RING = 0.5, 1.5
 STRIP = (0.2, 0.8)
 """Which part of a side they lie along: a round object does not reach the corners."""
 ALIKE_IOU = 0.5
-FEATURES = (
-    "elongation",
-    "off_middle",
-    "off_axis",
+_OF_PICTURE = (
     "ring",
     "side_weakest",
     "side_weak",
@@ -40,10 +38,17 @@ FEATURES = (
     "is_contour",
     "contour_near",
     "blobs_near",
+)
+FEATURES = (
+    "elongation",
+    "off_middle",
+    "off_axis",
+    *_OF_PICTURE,
+    *(f"own_{name}" for name in _OF_PICTURE),
     "sighting_near",
     "flock_near",
 )
-"""Columns of `Candidates.features`."""
+"""Columns of `Candidates.features`: those in the picture of the object's own events have their names from `own`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,33 +64,66 @@ class Candidates:
     features: Float64Array
 
 
-def candidates(picture: Float32Array, room: Float64Array, seen: tuple[Float64Array, Float64Array]) -> Candidates:
-    """The boxes of closed contours round the middle of a picture, and of blobs of events there.
+def candidates(
+    everything: Float32Array, own: Float32Array, room: Float64Array, seen: tuple[Float64Array, Float64Array]
+) -> Candidates:
+    """The boxes of closed contours round the middle of two pictures, and of blobs of events there.
+
+    Args:
+        everything: events a pixel, moved on to now, float32, square, of an even side.
+        own: the same of those that move like the object.
+        room: left, top, right, bottom of the sensor (pixels of the pictures), float64, shape (4,).
+        seen: boxes (pixels of the pictures) of what was found by its motion, and of what moves with the picture,
+            float64, shape (n, 4) each.
+    """
+    drawn = _Drawn(everything, room), _Drawn(own, room)
+    boxes = np.concatenate(
+        [*(of_picture.boxes for of_picture in drawn), *(_large(_within(each, room)) for each in seen)]
+    )
+    features = (
+        *_shape_features(boxes, everything.shape[0] / 2),
+        *drawn[0].features(boxes, 0),
+        *drawn[1].features(boxes, len(drawn[0].boxes)),
+        *(ious(boxes, others).max(axis=1, initial=0.0) for others in seen),
+    )
+    return Candidates(boxes, np.stack(features, axis=1).astype(np.float64))
+
+
+class _Drawn:
+    """A picture of events, and the boxes of contours and blobs in it.
 
     Args:
         picture: events a pixel, moved on to now, float32, square, of an even side.
         room: left, top, right, bottom of the sensor (pixels of the picture), float64, shape (4,).
-        seen: boxes (pixels of the picture) of what was found by its motion, and of what moves with the picture,
-            float64, shape (n, 4) each.
+
+    Attributes:
+        boxes: what lies on the sensor of them, if it is large enough, float64, shape (n, 4).
     """
-    contours, blobs = contour_paths(picture), _blobs(picture)
-    number = len(contours.boxes)
-    boxes = _within(np.concatenate([contours.boxes, blobs, *seen]), room)
-    support = np.zeros(len(boxes))
-    support[:number] = contours.support
-    is_blob = (np.arange(len(boxes)) >= number) & (np.arange(len(boxes)) < number + len(blobs))
-    is_large = boxes[:, 2:].min(axis=1) >= SIDE_MIN_PX
-    boxes, support, is_blob = boxes[is_large], support[is_large], is_blob[is_large]
-    overlaps = ious(boxes, boxes)
-    features = (
-        *_shape_features(boxes, picture.shape[0] / 2),
-        *_density_features(boxes, picture),
-        support > 0,
-        (overlaps * support).max(axis=1, initial=0.0),
-        np.maximum(overlaps - ALIKE_IOU, 0.0)[:, is_blob].sum(axis=1),
-        *(ious(boxes, others).max(axis=1, initial=0.0) for others in seen),
-    )
-    return Candidates(boxes, np.stack(features, axis=1).astype(np.float64))
+
+    def __init__(self, picture: Float32Array, room: Float64Array) -> None:
+        self._picture = picture
+        contours = contour_paths(picture)
+        paths, blobs = _within(contours.boxes, room), _within(_blobs(picture), room)
+        self._support = contours.support[_are_large(paths)]
+        self.boxes = np.concatenate([_large(paths), _large(blobs)])
+
+    def features(self, boxes: Float64Array, first: int) -> tuple[Float64Array, ...]:
+        """What the picture says of boxes, one for each of _OF_PICTURE.
+
+        Args:
+            boxes: float64, shape (n, 4).
+            first: where its own begin among them.
+        """
+        paths = len(self._support)
+        is_contour = np.zeros(len(boxes))
+        is_contour[first : first + paths] = self._support > 0
+        overlaps = ious(boxes, self.boxes)
+        return (
+            *_density_features(boxes, self._picture),
+            is_contour,
+            (overlaps[:, :paths] * self._support).max(axis=1, initial=0.0),
+            np.maximum(overlaps[:, paths:] - ALIKE_IOU, 0.0).sum(axis=1),
+        )
 
 
 def _blobs(picture: Float32Array) -> Float64Array:
@@ -122,6 +160,15 @@ def _within(boxes: Float64Array, room: Float64Array) -> Float64Array:
         np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1), room[[0, 1, 0, 1]], room[[2, 3, 2, 3]]
     )
     return np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], axis=1)
+
+
+def _are_large(boxes: Float64Array) -> npt.NDArray[np.bool_]:
+    return np.asarray(boxes[:, 2:].min(axis=1) >= SIDE_MIN_PX, np.bool_)
+
+
+def _large(boxes: Float64Array) -> Float64Array:
+    """Those of the boxes that are large enough."""
+    return boxes[_are_large(boxes)]
 
 
 def _shape_features(boxes: Float64Array, middle: float) -> tuple[Float64Array, ...]:

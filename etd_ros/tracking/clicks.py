@@ -18,7 +18,7 @@ from etd_ros.tracking.target import TargetReport
 REACH_PX = 8.0
 """A click may miss the box of what moves before a still picture by this."""
 EXPECTED_IOU_MIN, SURE_IOU = 0.4, 0.7
-"""Where the picture moves, a box is an answer if its IoU with the object is expected to be so much,
+"""A box is an answer if its IoU with the object is expected to be so much,
 and one at once, which waits for no other look, from the second figure on."""
 CLICK_ON = "click on what moves, or what the camera moves past"
 MOVED_MAX_NS = 50_000_000
@@ -74,7 +74,7 @@ class _Waiting:
     Attributes:
         click: the click.
         since_ns: when it was looked at first (ns).
-        pointed: what was found round it while the picture moved.
+        pointed: what was found round it.
     """
 
     click: Click
@@ -85,8 +85,8 @@ class _Waiting:
 class Clicks:
     """The clicks that wait for their objects.
 
-    Before a still picture an object is what moves at the click; where the picture moves and nothing there is known to
-    move otherwise, the object is told by its contours.
+    Before a still picture an object is at the click if something moves there, where the picture moves, anywhere; its
+    box is told by its contours, and by what was found to move there.
 
     Args:
         discovery: what finds what moves.
@@ -164,8 +164,8 @@ class Clicks:
         """The box (pixels) of the object at a click, if the looks so far tell."""
         discovery, click = self._discovery, waiting.click
         moving = _at(click, discovery.sightings, 0.0 if discovery.camera_moves else REACH_PX)
-        if not discovery.picture_moves or (discovery.camera_moves and moving is not None):
-            return moving
+        if moving is None and not discovery.picture_moves:
+            return None
         pointed = waiting.pointed
         is_near_events = discovery.camera_moves or _at(click, discovery.clusters, REACH_PX) is not None
         if pointed.looks == 0 and not is_near_events:
@@ -173,7 +173,7 @@ class Clicks:
             return None
         pointed.look(discovery)
         if pointed.looks == 0:
-            return None
+            return moving
         box, expected_iou = pointed.best()
         if expected_iou >= (EXPECTED_IOU_MIN if pointed.looks == LOOKS else SURE_IOU):
             return box

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from etd_ros.evaluation.starting_choice import Example, examples, fitted_weights
-from etd_ros.simulation import random_sequence
+from etd_ros.evaluation.starting_choice import Example, examples, fitted_weights, random_scenes, shelf_scenes
 from etd_ros.tracking.click_candidates import FEATURES
 
 
@@ -26,12 +25,9 @@ def test_weights_choose_what_is_good_in_looks_that_they_were_not_made_from():
     assert np.mean([look.worth[(look.features @ weights).argmax()] for look in looks[80:]]) > 0.9
 
 
-@pytest.fixture(scope="module")
-def looks():
-    return list(examples(random_sequence(109, 240, 180, duration_s=0.9)))
-
-
-def test_the_clicks_of_a_scene_give_examples_of_good_and_bad_candidates(looks):
+@pytest.mark.parametrize("scenes", [random_scenes, shelf_scenes])
+def test_the_clicks_of_a_scene_give_examples_of_good_and_bad_candidates(scenes):
+    looks = list(examples(*next(scenes([109]))))
     assert looks
     for look in looks:
         assert look.features.shape == (len(look.worth), len(FEATURES))

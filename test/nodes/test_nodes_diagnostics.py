@@ -217,6 +217,16 @@ def test_a_tracker_without_images_fares_as_its_targets_while_frames_come(bench, 
     assert no_images in message
 
 
+def test_a_tracker_tells_frames_that_go_back_in_time(bench):
+    bench.start("tracker", ros=("-p", "targets:=cup:100,80,30,30"))
+    frames = bench.node.create_publisher(Image, "/accumulator/frames", FRAME_QOS)
+    bench.wait_until(lambda: frames.get_subscription_count() == 1, "it reads frames")
+    for stamp_ns in (5 * S_NS, S_NS, 2 * S_NS):
+        frames.publish(encode_image(np.zeros((180, 240, 2), np.uint8), stamp_ns=stamp_ns, frame_id="camera"))
+    bench.wait_until(lambda: bench.figure("tracker", "steps back in time") == "1", "the step is counted")
+    assert "/accumulator/frames: time went back" in bench.log("tracker")
+
+
 def test_what_ros_cannot_take_in_is_counted_and_ends_no_node(bench):
     clock = bench.node.create_publisher(Clock, "/clock", 10)
     bench.start("tracker", ros=("-p", "use_sim_time:=true"))

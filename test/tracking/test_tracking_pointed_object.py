@@ -1,4 +1,4 @@
-"""Objects round a point by their contours: closed paths, motion near a point, candidates, and the choice among them."""
+"""Objects round a point by their contours: closed paths, candidates, and the choice among them."""
 
 from itertools import product
 
@@ -12,7 +12,6 @@ from etd_ros.boxes import Box, iou, ious
 from etd_ros.tracking.click_candidates import FEATURES, candidates
 from etd_ros.tracking.contour_paths import best_paths, contour_paths
 from etd_ros.tracking.discovery import Discovery
-from etd_ros.tracking.local_motion import EVENTS_MIN, motion_near
 from etd_ros.tracking.pointed_object import LOOKS, WEIGHTS, PointedObject
 
 NO_BOXES = np.empty((0, 4))
@@ -60,27 +59,6 @@ def test_an_empty_picture_has_contours_without_support_only():
     assert contour_paths(np.zeros((40, 40), np.float32)).support.max() == 0
 
 
-def moved_points(velocity, window_s=0.2, seed=0):
-    """Events of a texture that moves over 160 x 120 pixels."""
-    rng = np.random.default_rng(seed)
-    corners, ages = rng.uniform((0, 0), (160, 120), (300, 2)), rng.uniform(0, window_s, (300, 6)).astype(np.float32)
-    x, y = (corners[:, i, None] - velocity[i] * ages for i in range(2))
-    points = np.stack([np.floor(x) + 0.5, np.floor(y) + 0.5, ages], axis=2).reshape(-1, 3).astype(np.float32)
-    return points[(points[:, 0] >= 0) & (points[:, 0] < 160) & (points[:, 1] >= 0) & (points[:, 1] < 120)]
-
-
-@pytest.mark.parametrize("velocity", [(0.0, 0.0), (40.0, -20.0), (-90.0, 60.0), (0.0, 130.0)])
-def test_the_motion_near_a_point_is_found(velocity):
-    found, window_s = motion_near(moved_points(velocity), 80.0, 60.0)
-    assert np.hypot(*np.subtract(found, velocity)) < 10 + 0.05 * np.hypot(*velocity)
-    assert np.hypot(*velocity) * window_s < 12
-
-
-def test_hardly_any_events_have_no_motion():
-    assert motion_near(moved_points((0.0, 0.0))[: EVENTS_MIN - 1], 80.0, 60.0) is None
-    assert motion_near(np.empty((0, 3), np.float32), 80.0, 60.0) is None
-
-
 @settings(deadline=None, max_examples=30)
 @given(BOX_LISTS, BOX_LISTS)
 def test_overlaps_of_many_boxes_are_those_of_each_pair(boxes, others):
@@ -92,12 +70,25 @@ def test_overlaps_of_many_boxes_are_those_of_each_pair(boxes, others):
 def test_candidates_lie_on_the_sensor_and_have_finite_features(seed, side, share):
     rng = np.random.default_rng(seed)
     picture = (rng.random((side, side)) < share).astype(np.float32) * 2
+    own = picture * (rng.random((side, side)) < 0.5)
     room = np.array([-5.0, 4.0, side - 3.0, side + 9.0])
-    found = candidates(picture, room, (np.array([[2.0, 2.0, 9.0, 9.0]]), NO_BOXES))
+    found = candidates(picture, own, room, (np.array([[2.0, 2.0, 9.0, 9.0]]), NO_BOXES))
     assert found.features.shape == (len(found.boxes), len(FEATURES))
     assert np.isfinite(found.features).all()
     assert (found.boxes[:, :2] >= room[:2]).all()
     assert (found.boxes[:, :2] + found.boxes[:, 2:] <= room[2:] + 1e-9).all()
+
+
+def test_the_box_of_what_moves_alike_is_a_candidate_where_something_else_runs_through_it():
+    own = picture_of(lambda x, y: ((x - 60) / 20) ** 2 + ((y - 60) / 15) ** 2)
+    everything = own.copy()
+    everything[30:90, 55:65] += 1
+    room = np.array([0.0, 0.0, 120.0, 120.0])
+    found = candidates(everything, own.astype(np.float32), room, (NO_BOXES, NO_BOXES))
+    best = ious(found.boxes, np.array([[40.0, 45.0, 40.0, 30.0]]))[:, 0].argmax()
+    values = dict(zip(FEATURES, found.features[best], strict=True))
+    assert values["own_contour_near"] > values["contour_near"]
+    assert values["own_side_weakest"] > values["side_weakest"]
 
 
 def test_there_is_a_weight_for_each_feature():
