@@ -19,6 +19,7 @@ from etd_ros.tracking.expected_place import (
     confidence_if_turned,
 )
 from etd_ros.tracking.look import Look
+from etd_ros.tracking.slid_past import parts_of
 from etd_ros.tracking.standing_out import share_elsewhere
 from etd_ros.tracking.surface import NEVER_NS, TimeSurface
 from etd_ros.tracking.usual_looks import EVENTS_MIN, UsualLooks
@@ -129,6 +130,7 @@ class ContourSearch:
         self._before = before
         self._usual_speed_px_s = usual_speed_px_s
         self.has_left, self.has_gap = left_over is not None, has_gap
+        self._goes_with_all = contours.slid_past.direction is not None
         self._arrivals = left_over and Arrivals(surface, left_over, contours.body, before, usual_speed_px_s)
         self._growth_px_s = max(GROWTH_PX_S, (GAP_GROWTH_SHARE if has_gap else GROWTH_SHARE) * usual_speed_px_s)
         self._radius_max_px = GAP_RADIUS_MAX_PX if has_gap else RADIUS_MAX_PX
@@ -225,10 +227,18 @@ class ContourSearch:
     def _is_it(self, look: Look, patience: float) -> bool:
         """Whether a candidate that looks are sure of is the target, as far as that is asked now."""
         velocity, stamp_ns = self._path[-1].velocity, self._surface.stamp_ns
-        if (self.has_left and not self._comes_in()) or not _may_compare(stamp_ns, self._compared_ns, patience):
+        if (self.has_left and not self._comes_in()) or self._goes_against_all(velocity):
+            return False
+        if not _may_compare(stamp_ns, self._compared_ns, patience):
             return False
         self._compared_ns = stamp_ns
         return self._is_alone(look, velocity, ELSEWHERE_LEFT_MAX if self.has_left else ELSEWHERE_MAX)
+
+    def _goes_against_all(self, velocity: Velocity) -> bool:
+        """Whether something with this velocity (pixels/s) goes back while the camera slides on, as what stood still in
+        what it slides past does not."""
+        slide = self._surface.slide
+        return self._goes_with_all and slide is not None and parts_of(velocity, slide.direction)[0] < 0
 
     def _comes_in(self) -> bool:
         """Whether the candidate moves inwards from the border."""

@@ -8,6 +8,7 @@ from etd_ros.boxes import Box
 from etd_ros.tracking import contour_search
 from etd_ros.tracking.arrivals import Side
 from etd_ros.tracking.body import Standing
+from etd_ros.tracking.camera_slide import Slide
 from etd_ros.tracking.contour_config import ContourConfig
 from etd_ros.tracking.contour_search import COAST_S, LATE_TIMES, ContourSearch, _Place, _Seen, _WideLook
 from etd_ros.tracking.contours import Contours
@@ -65,9 +66,10 @@ def test_places_round_it_are_sought_until_one_is_enough():
     assert shares == pytest.approx([0.8, 0.9])
 
 
-def search_at_left_border(*, has_left):
+def search_at_left_border(*, has_left, goes_with_all=False):
     contours = Contours(Box(0.0, 70.0, 40.0, 40.0), 0, ContourConfig())
     contours.body.velocity = -100.0, 0.0
+    contours.slid_past.direction = (-1.0, 0.0) if goes_with_all else None
     before = Standing.of(contours.body)
     surface = TimeSurface(WIDTH, HEIGHT)
     left_over = Side.LEFT if has_left else None
@@ -86,6 +88,18 @@ def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch, veloc
     search = search_at_left_border(has_left=True)
     search._path = [seen(velocity)]
     assert search._is_it(FOUND, patience=1.0) is comes_in
+
+
+@pytest.mark.parametrize(
+    ("stood_still", "slides", "is_it"),
+    [(True, (-1.0, 0.0), False), (True, (1.0, 0.0), True), (True, None, True), (False, (-1.0, 0.0), True)],
+)
+def test_what_stood_still_does_not_come_back_while_the_camera_slides_on(monkeypatch, stood_still, slides, is_it):
+    monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
+    search = search_at_left_border(has_left=True, goes_with_all=stood_still)
+    search._path = [seen((80.0, 0.0))]
+    search._surface.slide = slides and Slide(slides, 0)
+    assert search._is_it(FOUND, patience=1.0) is is_it
 
 
 @pytest.mark.parametrize(
