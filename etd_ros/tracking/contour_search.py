@@ -52,6 +52,8 @@ ELSEWHERE_MAX, ELSEWHERE_LEFT_MAX, ELSEWHERE_EXPECTED_MAX = 0.75, 0.9, 1.1
 the second at the sensor's border, the third where the target was expected."""
 BORDER_PX, BORDER_S = 2.0, 0.03
 """What comes back over the border is this near to it when it is seen first, or this time away."""
+INWARD_PX = 3.0
+"""It has come so far inwards since it was seen first: at its first looks it has the velocity that was expected."""
 INWARD_SHARE, INWARD_S = 0.3, 0.01
 """So much of its motion is away from the border: a camera that turns brings things in along it, too."""
 
@@ -241,12 +243,14 @@ class ContourSearch:
         return self._goes_with_all and slide is not None and parts_of(velocity, slide.direction)[0] < 0
 
     def _comes_in(self) -> bool:
-        """Whether the candidate moves inwards from the border."""
-        seen = self._path[-1]
+        """Whether the candidate moves inwards from the border, and has done so since it was seen first."""
+        first, seen = self._path[0], self._path[-1]
         soon_ns = seen.stamp_ns + round(INWARD_S * 1e9)
-        here, soon = (self._contours.body.box_at(*seen.predicted(stamp_ns)) for stamp_ns in (seen.stamp_ns, soon_ns))
-        inwards_px = self._surface.inside_px(soon) - self._surface.inside_px(here)
-        return inwards_px > INWARD_SHARE * math.hypot(*seen.velocity) * INWARD_S
+        at_first, here, soon = (
+            self._surface.inside_px(self._contours.body.box_at(x, y))
+            for x, y in ((first.x, first.y), (seen.x, seen.y), seen.predicted(soon_ns))
+        )
+        return here - at_first > INWARD_PX and soon - here > INWARD_SHARE * math.hypot(*seen.velocity) * INWARD_S
 
     def _is_alone(self, look: Look, velocity: Velocity, elsewhere_max: float) -> bool:
         """Whether the target, moving with this velocity (pixels/s), stands out from what is round it."""

@@ -76,8 +76,9 @@ def search_at_left_border(*, has_left, goes_with_all=False):
     return ContourSearch(contours, surface, UsualLooks(), before, 100.0, 0, left_over=left_over, has_gap=False)
 
 
-def seen(velocity):
-    return _Seen(0, FOUND.x, FOUND.y, velocity, 1.0, 1.0)
+def seen(velocity, *, come_px=10.0):
+    """Two looks at what has come inwards by so much."""
+    return [_Seen(0, FOUND.x - off_px, FOUND.y, velocity, 1.0, 1.0) for off_px in (come_px, 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -86,8 +87,16 @@ def seen(velocity):
 def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch, velocity, comes_in):
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
     search = search_at_left_border(has_left=True)
-    search._path = [seen(velocity)]
+    search._path = seen(velocity)
     assert search._is_it(FOUND, patience=1.0) is comes_in
+
+
+@pytest.mark.parametrize("come_px", [-5.0, 0.0, 2.0])
+def test_what_has_hardly_come_in_since_it_was_seen_first_is_not_what_left(monkeypatch, come_px):
+    monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
+    search = search_at_left_border(has_left=True)
+    search._path = seen((80.0, 0.0), come_px=come_px)
+    assert not search._is_it(FOUND, patience=1.0)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +106,7 @@ def test_what_comes_along_the_border_is_not_what_left_over_it(monkeypatch, veloc
 def test_what_stood_still_does_not_come_back_while_the_camera_slides_on(monkeypatch, stood_still, slides, is_it):
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
     search = search_at_left_border(has_left=True, goes_with_all=stood_still)
-    search._path = [seen((80.0, 0.0))]
+    search._path = seen((80.0, 0.0))
     search._surface.slide = slides and Slide(slides, 0)
     assert search._is_it(FOUND, patience=1.0) is is_it
 
@@ -108,7 +117,7 @@ def test_what_stood_still_does_not_come_back_while_the_camera_slides_on(monkeypa
 def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, share, is_it):
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: share)
     search = search_at_left_border(has_left=has_left)
-    search._path = [seen((80.0, 0.0))]
+    search._path = seen((80.0, 0.0))
     body = search._contours.body
     pose, velocity = body.pose, body.velocity
     assert search._is_it(FOUND, patience=1.0) is is_it
@@ -119,7 +128,7 @@ def test_it_has_to_stand_out_less_clearly_at_the_border(monkeypatch, has_left, s
 def test_one_of_many_is_compared_with_what_is_round_it_less_often(monkeypatch, patience, is_asked_again):
     monkeypatch.setattr(contour_search, "share_elsewhere", lambda *_: 0.0)
     search = search_at_left_border(has_left=False)
-    search._path = [seen((80.0, 0.0))]
+    search._path = seen((80.0, 0.0))
     found = []
     for stamp_ns in (0, CONFIRM_NS, 2 * CONFIRM_NS):
         search._surface.stamp_ns = stamp_ns
